@@ -1,0 +1,67 @@
+"""The knobs a user may turn, one small frozen class a stage, defaults here and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from recon.model import DEFAULT_CEILING_HEIGHT
+
+
+@dataclass(frozen=True)
+class LidarConfig:
+    """Split-and-merge. range_sigma: the scanner's noise, m. min_points: fewest returns of a segment."""
+
+    range_sigma: float = 0.01
+    min_points: int = 8
+    min_length: float = 0.25
+
+
+@dataclass(frozen=True)
+class VisionConfig:
+    """Image lines. detector: "canny" (edge linking) or "lsd"."""
+
+    detector: str = "canny"
+    min_length: float = 20.0
+
+
+@dataclass(frozen=True)
+class CalibrationConfig:
+    """Recursive RANSAC. iterations: random minimal sets a seeding image."""
+
+    iterations: int = 400
+
+
+@dataclass(frozen=True)
+class GraphConfig:
+    """Factor graph. manhattan: use right angles between walls where the data support them."""
+
+    manhattan: bool = True
+
+
+@dataclass(frozen=True)
+class LayoutConfig:
+    """Plan. default_ceiling_height: m, used where no image shows the ceiling."""
+
+    default_ceiling_height: float = DEFAULT_CEILING_HEIGHT
+
+
+@dataclass(frozen=True)
+class TextureConfig:
+    """Pictures of faces. metres_per_texel: finest resolution; max_texture_size: pixels a side, coarser if it must."""
+
+    metres_per_texel: float = 0.005
+    max_texture_size: int = 4096
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything, resolved. seed: of all that is random. workers: processes or threads; never changes the result."""
+
+    seed: int = 0
+    workers: int = 2
+    lidar: LidarConfig = field(default_factory=LidarConfig)
+    vision: VisionConfig = field(default_factory=VisionConfig)
+    calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
+    graph: GraphConfig = field(default_factory=GraphConfig)
+    layout: LayoutConfig = field(default_factory=LayoutConfig)
+    texture: TextureConfig = field(default_factory=TextureConfig)

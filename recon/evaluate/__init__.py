@@ -1,0 +1,1 @@
+"""Published metrics of a result against ground truth."""

@@ -1,0 +1,1 @@
+"""One factor graph over all platform poses and wall lines."""

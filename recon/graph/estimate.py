@@ -1,0 +1,54 @@
+"""What the factor graph gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from recon.geometry import Array
+from recon.model import Source
+from recon.sequence.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class WallLine:
+    """An optimised wall line and the stretches of it that were seen.
+
+    pose: (3,) map_from_wall [x, y, yaw]: x axis along the wall, y axis into the free space (to the left).
+    intervals: (K, 2) m, sorted and disjoint stretches along the x axis that observations support.
+    sigma_offset (m), sigma_angle (rad): one standard deviation at the wall's origin, across and of its direction.
+    """
+
+    pose: Array
+    intervals: Array
+    sigma_offset: float
+    sigma_angle: float
+    source: Source
+    observations: int
+
+    @property
+    def direction(self) -> Array:
+        """Unit vector (2,) along the wall."""
+        return np.array([np.cos(self.pose[2]), np.sin(self.pose[2])])
+
+    @property
+    def normal(self) -> Array:
+        """Unit vector (2,) into the free space."""
+        return np.array([-np.sin(self.pose[2]), np.cos(self.pose[2])])
+
+
+@dataclass(frozen=True)
+class MapEstimate:
+    """Poses at every scan, wall lines, and how sure they are.
+
+    pose_sigmas: (N, 3) one standard deviation of x, y (m) and yaw (rad), relative to the first pose.
+    odometry_scale: estimated factor true / reported of the given odometry's distances, None without odometry.
+    residuals: root mean square of normalised residuals by kind of factor (1 = as expected).
+    """
+
+    trajectory: Trajectory
+    pose_sigmas: Array
+    walls: tuple[WallLine, ...]
+    odometry_scale: float | None = None
+    residuals: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Walls, corners, rooms, heights and labels from optimised wall lines."""

@@ -1,0 +1,1 @@
+"""2D LiDAR: line segments, Manhattan directions, scan matching."""

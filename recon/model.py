@@ -1,0 +1,158 @@
+"""The result: walls, rooms, openings, objects (the layout) and textured faces. Exporters see only this."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array
+
+Source = Literal["lidar", "image", "inferred"]
+OpeningType = Literal["door", "passage", "window"]
+FaceKind = Literal["wall", "floor", "ceiling"]
+
+DEFAULT_CEILING_HEIGHT = 2.6
+"""m; what exports extrude walls to when no image shows the ceiling (`LayoutConfig.default_ceiling_height`)."""
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A vertical face seen from inside: walking from `start` to `end` the free space is on the left.
+
+    start, end: (2,), m, map frame. sigma_offset (m) and sigma_angle (rad): one standard deviation of the wall line's
+    offset at the middle of the wall and of its direction. `observations` counts the scans and images behind it.
+    """
+
+    id: int
+    start: Array
+    end: Array
+    sigma_offset: float
+    sigma_angle: float
+    source: Source
+    observations: int
+
+    @property
+    def length(self) -> float:
+        """Length in m."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    @property
+    def direction(self) -> Array:
+        """Unit vector (2,) from start to end."""
+        return np.asarray((self.end - self.start) / max(self.length, 1e-12))
+
+    @property
+    def normal(self) -> Array:
+        """Unit vector (2,) into the free space, to the left of `direction`."""
+        d = self.direction
+        return np.array([-d[1], d[0]])
+
+
+@dataclass(frozen=True)
+class Room:
+    """A closed, counter-clockwise, simple polygon (n, 2), m, map frame, first corner not repeated."""
+
+    id: int
+    name: str
+    polygon: Array
+    ceiling_height: float | None = None
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A door (leaf), passage (no leaf) or window (glass) in wall `wall`; heights above the floor in m."""
+
+    id: int
+    type: OpeningType
+    wall: int
+    start: Array
+    end: Array
+    bottom: float
+    top: float
+
+
+@dataclass(frozen=True)
+class FloorObject:
+    """Something that stands on the floor and is no wall: footprint polygon (n, 2), m, map frame."""
+
+    id: int
+    footprint: Array
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Walls, rooms, openings and objects in the map frame (layout.json of FORMAT.md).
+
+    `ceiling_height` is None when no image shows the ceiling; `extrusion_height` is then the default.
+    """
+
+    walls: tuple[Wall, ...]
+    rooms: tuple[Room, ...]
+    openings: tuple[Opening, ...] = ()
+    objects: tuple[FloorObject, ...] = ()
+    ceiling_height: float | None = None
+    sigma_ceiling: float | None = None
+    default_ceiling_height: float = DEFAULT_CEILING_HEIGHT
+
+    @property
+    def extrusion_height(self) -> float:
+        """Height of walls in 3D, m: the measured ceiling, else the default."""
+        return self.default_ceiling_height if self.ceiling_height is None else self.ceiling_height
+
+    def wall(self, wall_id: int) -> Wall:
+        """The wall with this id; KeyError when there is none."""
+        for wall in self.walls:
+            if wall.id == wall_id:
+                return wall
+        raise KeyError(wall_id)
+
+
+@dataclass(frozen=True)
+class Face:
+    """One flat, textured face of the model in the map frame.
+
+    name: `wall_003`, `floor_000`, `ceiling_000`: unique, the number is the wall's or room's id.
+    vertices: (V, 3), m. triangles: (T, 3) int indices, counter-clockwise seen from the free space.
+    uv: (V, 2) in [0, 1], u to the right and v UP (OpenGL, glTF flips): (0, 0) is the lower left corner of the picture.
+    texture: (H, W, 3) uint8 RGB, row 0 is the top, or None: a clean neutral material (`neutral_colour`).
+    seen_fraction: share of texels that an image saw, the rest was filled.
+    """
+
+    name: str
+    kind: FaceKind
+    ref: int
+    vertices: Array
+    triangles: NDArray[np.int64]
+    uv: Array
+    texture: NDArray[np.uint8] | None = None
+    metres_per_texel: float = 0.0
+    seen_fraction: float = 0.0
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal (3,) into the free space."""
+        a, b, c = self.vertices[self.triangles[0]]
+        n = np.cross(b - a, c - a)
+        return np.asarray(n / np.linalg.norm(n))
+
+
+NEUTRAL_COLOURS: dict[FaceKind, tuple[int, int, int]] = {
+    "wall": (222, 219, 212),
+    "floor": (150, 146, 138),
+    "ceiling": (240, 240, 238),
+}
+"""RGB of faces without a texture."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a build gives and every exporter writes. `notes`: what was assumed, one sentence each, for people."""
+
+    name: str
+    layout: Layout
+    faces: tuple[Face, ...]
+    notes: tuple[str, ...] = ()
+    metadata: dict[str, str] = field(default_factory=dict)

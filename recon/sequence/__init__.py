@@ -1,0 +1,1 @@
+"""What goes in: the sequence folder (FORMAT.md) and its parts."""

@@ -1,0 +1,79 @@
+"""One drive: scans, and where given images, intrinsics, odometry and extrinsics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, Pose3
+from recon.sequence.camera import Camera
+from recon.sequence.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Scans:
+    """2D LiDAR scans (FORMAT.md, scans.npz).
+
+    timestamps (N,) s, increasing; ranges (N, B) float32 m, inf = no return, nan = invalid; bearing of beam b is
+    angle_min + b * angle_increment, rad, counter-clockwise from x; time_increment s between beams (0 = instantaneous).
+    """
+
+    timestamps: Array
+    ranges: NDArray[np.float32]
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    time_increment: float = 0.0
+    intensities: NDArray[np.float32] | None = None
+
+    def __len__(self) -> int:
+        return len(self.timestamps)
+
+    @property
+    def bearings(self) -> Array:
+        """(B,) rad."""
+        return self.angle_min + self.angle_increment * np.arange(self.ranges.shape[1])
+
+    def valid(self, index: int) -> NDArray[np.bool_]:
+        """(B,) beams of scan `index` that returned a range within the scanner's limits."""
+        r = self.ranges[index]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.isfinite(r) & (r >= self.range_min) & (r <= self.range_max))
+
+    def points(self, index: int) -> Array:
+        """(n, 2) m: the valid returns of scan `index` in the platform frame, in order of bearing."""
+        ok = self.valid(index)
+        r, a = self.ranges[index][ok].astype(np.float64), self.bearings[ok]
+        return np.stack([r * np.cos(a), r * np.sin(a)], axis=1)
+
+
+@dataclass(frozen=True)
+class ImageList:
+    """Images of one camera, read when asked for.
+
+    timestamps (N,) s, increasing; paths: absolute, one an image; names: as in images.txt.
+    """
+
+    timestamps: Array
+    paths: tuple[Path, ...]
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """One drive. `images` and `camera` are both given or both None. `warnings`: what the reader assumed or skipped."""
+
+    name: str
+    scans: Scans
+    camera: Camera | None = None
+    images: ImageList | None = None
+    odometry: Trajectory | None = None
+    platform_from_camera: Pose3 | None = None
+    warnings: tuple[str, ...] = field(default=())

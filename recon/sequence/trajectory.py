@@ -1,0 +1,29 @@
+"""Poses over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from recon.geometry import Array
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Planar poses over time: timestamps (N,) increasing, s; poses (N, 3), map_from_platform [x, y, yaw]."""
+
+    timestamps: Array
+    poses: Array
+
+    def __len__(self) -> int:
+        return len(self.timestamps)
+
+    def at(self, times: ArrayLike) -> Array:
+        """Poses (M, 3) at `times` (M,), linear between neighbours, held at the ends."""
+        t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        yaw = np.unwrap(self.poses[:, 2])
+        out = np.stack([np.interp(t, self.timestamps, c) for c in (self.poses[:, 0], self.poses[:, 1], yaw)], axis=1)
+        out[:, 2] = (out[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        return out

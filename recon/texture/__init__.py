@@ -1,0 +1,1 @@
+"""Faces, view choice, rectification, blending, filling."""

@@ -1,0 +1,1 @@
+"""Images: edges, line segments, vanishing points, ground-wall boundary candidates."""

@@ -88,13 +88,7 @@ def _room_to_json(room: Room) -> dict[str, Any]:
 def _opening_to_json(opening: Opening) -> dict[str, Any]:
     start, end = _points(np.stack([opening.start, opening.end]))
     extent = {"start": start, "end": end, "bottom": _rounded(opening.bottom), "top": _rounded(opening.top)}
-    return {
-        "id": int(opening.id),
-        "type": opening.type,
-        "wall": int(opening.wall),
-        "start": start,
-        "end": end,
-    } | heights
+    return {"id": int(opening.id), "type": opening.type, "wall": int(opening.wall), **extent}
 
 
 def _check_ids(layout: Layout, where: str) -> None:

@@ -41,7 +41,7 @@ class Camera:
             out = cv2.fisheye.undistortPoints(points, self.matrix, self.distortion)
         else:
             criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
-            out = cv2.undistortPointsIter(points, self.matrix, self.distortion, None, None, criteria)
+            out = cv2.undistortPoints(points, self.matrix, self.distortion, criteria=criteria)
         return np.asarray(out, dtype=np.float64).reshape(-1, 2)
 
     def project(self, points: ArrayLike) -> Array:

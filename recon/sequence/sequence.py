@@ -36,7 +36,7 @@ class Scans:
     @property
     def bearings(self) -> Array:
         """(B,) rad."""
-        return self.angle_min + self.angle_increment * np.arange(self.ranges.shape[1])
+        return np.asarray(self.angle_min + self.angle_increment * np.arange(self.ranges.shape[1]), dtype=np.float64)
 
     def valid(self, index: int) -> NDArray[np.bool_]:
         """(B,) beams of scan `index` that returned a range within the scanner's limits."""

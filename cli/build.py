@@ -1,0 +1,70 @@
+"""`recon build`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from recon.cli.options import PATH, configuration, examples, resolve_config, verbosity, warn
+
+
+@click.command(
+    short_help="Make a textured model from a sequence.",
+    epilog=examples(
+        "recon build drive/ -o model.usd",
+        "recon build drive/ -o model.glb -o plan.dxf -o plan.svg",
+        "recon build drive/ --work result.recon --config site.toml --seed 7",
+    ),
+)
+@click.argument("sequence", type=PATH)
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    type=PATH,
+    multiple=True,
+    help="File to write, the suffix says the format; may be repeated.",
+)
+@click.option("--work", type=PATH, help="Result folder (default: the first output with the suffix .recon).")
+@configuration
+@verbosity
+def build(
+    sequence: Path,
+    outputs: tuple[Path, ...],
+    work: Path | None,
+    config_file: Path | None,
+    seed: int | None,
+    workers: int | None,
+    quiet: bool,
+) -> None:
+    """Builds a textured model of the building from the SEQUENCE folder.
+
+    Writes every OUTPUT and, beside the first, a result folder with the layout, trajectories, calibration, labels,
+    textures and a report, from which other formats can be exported later.
+    """
+    from recon.cli.outputs import work_folder
+    from recon.cli.progress import terminal_progress
+    from recon.cli.summary import summary
+    from recon.exporters import check_outputs, export
+    from recon.pipeline import build as build_model
+    from recon.results import save_result
+    from recon.sequence.folder import read_sequence
+
+    if not outputs and work is None:
+        raise click.UsageError("Give an output with -o (for example -o model.usd), or a result folder with --work.")
+    config = resolve_config(config_file, seed, workers)
+    check_outputs(list(outputs))
+    folder = work_folder(outputs, work)
+    drive = read_sequence(sequence)
+    for message in drive.warnings:
+        warn(message, quiet)
+    progress = terminal_progress(quiet)
+    result = build_model(drive, config, progress)
+    with progress.stage("writing"):
+        save_result(result, folder)
+        for path in outputs:
+            export(result.model, path)
+    if not quiet:
+        for line in summary(result.model, folder, outputs):
+            click.echo(line)

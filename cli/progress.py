@@ -1,0 +1,82 @@
+"""Progress for people: bars with rates on a terminal, one plain line a stage elsewhere, on standard error."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import click
+
+from recon.progress import SILENT, Progress, Stage
+
+PATIENCE = 10.0
+"""s between plain lines of one long stage."""
+
+
+def terminal_progress(quiet: bool) -> Progress:
+    """Silent, bars or plain lines, as asked and as standard error allows."""
+    if quiet:
+        return SILENT
+    return BarProgress() if sys.stderr.isatty() else PlainProgress()
+
+
+def _done(name: str, count: int, unit: str, seconds: float) -> str:
+    if count == 0:
+        return f"{name}: {seconds:.1f} s"
+    rate = f", {count / seconds:.0f}/s" if seconds > 0.05 else ""
+    return f"{name}: {count} {unit} in {seconds:.1f} s{rate}"
+
+
+class _PlainStage:
+    def __init__(self, name: str, total: int | None, unit: str) -> None:
+        self.name, self.total, self.unit, self.count = name, total, unit, 0
+        self.start = self.said = time.monotonic()
+
+    def advance(self, count: int = 1) -> None:
+        self.count += count
+        now = time.monotonic()
+        if now - self.said > PATIENCE:
+            self.said = now
+            of = f" of {self.total}" if self.total else ""
+            click.echo(f"{self.name}: {self.count}{of} {self.unit} after {now - self.start:.0f} s", err=True)
+
+
+class PlainProgress:
+    """A line when a stage is done, and one every ten seconds of a long one."""
+
+    @contextmanager
+    def stage(self, name: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
+        """A stage that says how it went when it is done."""
+        stage = _PlainStage(name, total, unit)
+        yield stage
+        click.echo(_done(name, stage.count, unit, time.monotonic() - stage.start), err=True)
+
+
+class _BarStage:
+    def __init__(self, bars: object, task: object) -> None:
+        self.bars, self.task, self.count = bars, task, 0
+
+    def advance(self, count: int = 1) -> None:
+        self.count += count
+        self.bars.advance(self.task, count)  # type: ignore[attr-defined]
+
+
+class BarProgress:
+    """A bar with the rate while a stage works, a line when it is done."""
+
+    @contextmanager
+    def stage(self, name: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
+        """A stage with a bar."""
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as RichProgress
+
+        counts = [BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[unit]} {task.speed:.0f}/s")]
+        columns = [SpinnerColumn(), TextColumn("{task.description}"), *(counts if total else []), TimeElapsedColumn()]
+        start = time.monotonic()
+        with RichProgress(*columns, console=Console(stderr=True), transient=True) as bars:
+            stage = _BarStage(bars, bars.add_task(name, total=total, unit=unit))
+            yield stage
+        click.echo(_done(name, stage.count, unit, time.monotonic() - start), err=True)

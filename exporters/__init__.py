@@ -1,0 +1,111 @@
+"""Writers of a finished `Model`, chosen by the suffix of the output file.
+
+Every writer is a pure function `write(model, stem) -> Output`: it computes bytes and touches no file. The same model
+gives the same bytes. `export` puts them on disk, all or nothing.
+
+Lengths are metres in every format and frames are right-handed with the floor at height 0. `.glb` and `.obj` have Y up
+(glTF's rule and OBJ's habit): x, z, -y of the map frame. All others have Z up and are in map coordinates.
+"""
+
+from __future__ import annotations
+
+import importlib
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from recon.errors import OutputError
+from recon.exporters.output import Output
+from recon.files import atomic_path
+
+if TYPE_CHECKING:
+    from recon.model import Model
+
+Writer = Callable[["Model", str], Output]
+
+# "module:function", imported when used: the command line asks for SUFFIXES long before it needs a writer.
+WRITERS: dict[str, str] = {
+    ".usd": "usd:write_usdc",
+    ".usda": "usd:write_usda",
+    ".usdc": "usd:write_usdc",
+    ".usdz": "usd:write_usdz",
+    ".glb": "gltf:write_glb",
+    ".obj": "obj:write_obj",
+    ".ply": "ply:write_ply",
+    ".stl": "stl:write_stl",
+    ".dxf": "dxf:write_dxf",
+    ".svg": "svg:write_svg",
+    ".json": "layout_file:write_json",
+}
+"""Suffix (lower case) to writer. To add a format: one module with one `write` function, one line here."""
+
+SUFFIXES: tuple[str, ...] = tuple(WRITERS)
+"""Known suffixes of output files, lower case, with the dot."""
+
+TEXTURES_BESIDE: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".obj"})
+"""Suffixes whose textures lie beside the file, in the folder `<stem>.textures`."""
+
+
+def writer_for(path: Path) -> Writer:
+    """The writer for the suffix of `path`; OutputError, listing the known suffixes, when there is none."""
+    suffix = path.suffix.lower()
+    if suffix not in WRITERS:
+        found = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
+        raise OutputError(f"{path}: unknown output format ({found}), expected one of {' '.join(SUFFIXES)}")
+    module, function = WRITERS[suffix].split(":")
+    writer: Writer = getattr(importlib.import_module(f"recon.exporters.{module}"), function)
+    return writer
+
+
+def export(model: Model, path: Path) -> None:
+    """Write `model` to `path` in the format of its suffix, with the files that belong beside it.
+
+    `.usd`, `.usda`, `.usdc` and `.obj` put their textures into the folder `<stem>.textures`, `.obj` its materials into
+    `<stem>.mtl`; every other format is one file. All files are written beside their targets first and moved at the
+    end, the named file last. Raises OutputError when the suffix is unknown or a file cannot be written.
+    """
+    output = writer_for(path)(model, path.stem)
+    try:
+        with ExitStack() as stack:  # left in reverse order: `path` itself is moved into place last
+            for name, content in [(path.name, output.content), *output.beside.items()]:
+                target = path.parent / name
+                target.parent.mkdir(exist_ok=True)
+                stack.enter_context(atomic_path(target)).write_bytes(content)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def check_outputs(paths: Sequence[Path]) -> None:
+    """Raise OutputError, before any work is done, when one of `paths` could not be exported to.
+
+    Refused: an unknown suffix, a folder, a parent folder that is missing or not writable, the same file twice, and
+    files in the way of the texture folder.
+    """
+    seen: set[Path] = set()
+    for path in paths:
+        if path.suffix.lower() not in WRITERS:
+            writer_for(path)
+        if path.is_dir():
+            raise OutputError(f"{path}: is a folder, expected the name of a file to write")
+        _check_folder(path)
+        textures = path.parent / f"{path.stem}.textures"
+        if path.suffix.lower() in TEXTURES_BESIDE and textures.exists() and not textures.is_dir():
+            raise OutputError(f"{textures}: is a file, expected a folder for the textures of {path.name}")
+        resolved = path.resolve()
+        if resolved in seen:
+            raise OutputError(f"{path}: is named twice as an output, expected each file once")
+        seen.add(resolved)
+
+
+def _check_folder(path: Path) -> None:
+    parent = path.parent
+    if not parent.is_dir():
+        raise OutputError(f"{path}: the folder {parent} does not exist, expected an existing folder")
+    try:  # a try tells more than permission bits: read-only mounts, full disks, the super-user
+        with tempfile.TemporaryFile(dir=parent):
+            pass
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(f"{path}: the folder {parent} is not writable ({reason})") from None

@@ -11,7 +11,7 @@ from recon.geometry import Array
 from recon.model import Face, Model
 from recon.sampling import face_colours
 
-FINEST_STEP = 0.02
+FINEST_STEP = 0.03
 """m between the vertices of a textured face, in a building of up to MOST_VERTICES; coarser in a larger one."""
 MOST_VERTICES = 1_000_000
 
@@ -20,7 +20,7 @@ _TRIANGLE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
 def write_ply(model: Model, stem: str) -> Output:
-    """All faces; those with a texture are cut by a square grid and coloured from it, the others are left as they are."""
+    """All faces; those with a texture are cut by a square grid and coloured from it, the others stay as they are."""
     step = grid_step(model)
     vertices, triangles, first = [np.zeros(0, _VERTEX)], [np.zeros(0, _TRIANGLE)], 0
     for face in model.faces:

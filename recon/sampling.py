@@ -27,7 +27,7 @@ def sample_texture(texture: NDArray[np.uint8], uv: Array) -> NDArray[np.float32]
 
 
 def shrink_texture(texture: NDArray[np.uint8], factor: float) -> NDArray[np.uint8]:
-    """The texture at 1/factor of its size, averaged over areas so that fine detail does not alias; factor <= 1: as is."""
+    """The texture at 1/factor of its size, averaged so that fine detail does not alias; factor <= 1: as it is."""
     if factor <= 1:
         return texture
     height, width = texture.shape[:2]

@@ -1,0 +1,172 @@
+"""The plane cut by lines into cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from recon.geometry import Array
+from recon.layout.line import PlanLine, crossings, union
+
+SNAP = 0.003
+"""m, crossings closer than this are one corner."""
+STUB = 0.02
+"""m that a stretch goes on past the wall it ends at (so that the crossing is found)."""
+REACH = 0.05
+"""m, a supported stretch stops lines that pass its end this closely."""
+STOPPING = 0.3
+"""m, a stretch shorter than this stops no other line."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Polygons that lines cut the plane into, and the edges between them.
+
+    polygons: C shapely polygons, disjoint. vertices: (V, 2) m. edges: (E, 2) vertex indices.
+    line: (E,) index of the line an edge lies on, -1 for the frame around everything.
+    left, right: (E,) cell on the left and right of an edge from its first to its second vertex, -1 for the outside;
+    edges run in the direction of their line.
+    """
+
+    polygons: NDArray[np.object_]
+    vertices: Array
+    edges: NDArray[np.int64]
+    line: NDArray[np.int64]
+    left: NDArray[np.int64]
+    right: NDArray[np.int64]
+
+    @property
+    def lengths(self) -> Array:
+        """(E,) m."""
+        return np.asarray(np.linalg.norm(self.vertices[self.edges[:, 1]] - self.vertices[self.edges[:, 0]], axis=1))
+
+    def spans(self, lines: list[PlanLine]) -> Array:
+        """(E, 2) start and end of each edge as positions along its line; nan on the frame."""
+        out = np.full((len(self.edges), 2), np.nan)
+        for k, line in enumerate(lines):
+            on = self.line == k
+            out[on] = line.along(self.vertices[self.edges[on]].reshape(-1, 2)).reshape(-1, 2)
+        return out
+
+
+def cut_plane(lines: list[PlanLine], low: Array, high: Array) -> Cells:
+    """Cells of the box `low` to `high` (2,) m, cut by the stretches of `lines`, each drawn out to the next wall."""
+    frame = _frame(low, high)
+    everything = lines + frame
+    position, crossing = crossings(everything)
+    stretches = _stretches(everything, len(lines), position, crossing)
+    points, owner, along = _cuts(everything, stretches, position, crossing)
+    vertex, vertices = _snapped(points)
+    edges, line = _chain(vertex, owner, along, stretches)
+    line[line >= len(lines)] = -1
+    return _faces(vertices, edges, line)
+
+
+def _frame(low: Array, high: Array) -> list[PlanLine]:
+    """Four sides of the box as lines, supported along their whole length (so that nothing leaves it)."""
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    sides = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        length = float(np.linalg.norm(b - a))
+        sides.append(PlanLine(a, (b - a) / length, np.array([[0.0, length]]), np.zeros((0, 2)), 0, 0, "inferred", 0))
+    return sides
+
+
+def _stretches(lines: list[PlanLine], n: int, position: Array, crossing: NDArray[np.bool_]) -> list[Array]:
+    """Per line the stretches (K, 2) to draw: the supported ones and frontiers, on to the first wall that they meet."""
+    supports = [line.support for line in lines]
+    stops = np.zeros_like(crossing)
+    for j, support in enumerate(supports):
+        walls = support[support[:, 1] - support[:, 0] >= STOPPING]
+        t = position[j]
+        stops[:, j] = crossing[:, j] & np.any(
+            (t[:, None] >= walls[:, 0] - REACH) & (t[:, None] <= walls[:, 1] + REACH), axis=1
+        )
+    out = []
+    for i, support in enumerate(supports[:n]):
+        ahead = np.sort(position[i][stops[i]])
+        drawn = [(_before(ahead, a), _after(ahead, b)) for a, b in np.concatenate([support, lines[i].frontier])]
+        out.append(union(np.array(drawn)))
+    return out + supports[n:]
+
+
+def _before(stops: Array, a: float) -> float:
+    k = int(np.searchsorted(stops, a + REACH)) - 1
+    return float(stops[max(k, 0)]) - STUB
+
+
+def _after(stops: Array, b: float) -> float:
+    k = int(np.searchsorted(stops, b - REACH))
+    return float(stops[min(k, len(stops) - 1)]) + STUB
+
+
+def _cuts(
+    lines: list[PlanLine], stretches: list[Array], position: Array, crossing: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.int64], Array]:
+    """Crossings of drawn stretches: points (P, 2), each listed for both of its lines (owner (P,), position (P,))."""
+    drawn = np.zeros_like(crossing)
+    for k, s in enumerate(stretches):
+        t = position[k]
+        drawn[k] = np.any((t[:, None] >= s[:, 0] - SNAP) & (t[:, None] <= s[:, 1] + SNAP), axis=1)
+    i, j = np.nonzero(crossing & drawn & drawn.T)
+    origin = np.array([line.origin for line in lines])
+    direction = np.array([line.direction for line in lines])
+    first = np.minimum(i, j)  # one formula for both listings: the very same point
+    second = np.maximum(i, j)
+    points = origin[first] + position[first, second][:, None] * direction[first]
+    return points, i.astype(np.int64), position[i, j]
+
+
+def _snapped(points: Array) -> tuple[NDArray[np.int64], Array]:
+    """Vertex of each point (P,) and vertices (V, 2): points within `SNAP` of each other become their mean."""
+    pairs = cKDTree(points).query_pairs(SNAP, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    count, component = connected_components(graph, directed=False)
+    label = np.asarray(component, dtype=np.int64)
+    weight = np.bincount(label, minlength=count)
+    mean = np.stack([np.bincount(label, points[:, k], count) / weight for k in range(2)], axis=1)
+    return label, mean
+
+
+def _chain(
+    vertex: NDArray[np.int64], owner: NDArray[np.int64], along: Array, stretches: list[Array]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Edges (E, 2) between neighbouring vertices of each drawn stretch, and their lines (E,); no edge twice."""
+    edges: dict[tuple[int, int], tuple[int, int, int]] = {}
+    order = np.lexsort((along, owner))
+    for i, j in pairwise(order):
+        if owner[i] != owner[j] or vertex[i] == vertex[j]:
+            continue
+        s, middle = stretches[owner[i]], (along[i] + along[j]) / 2
+        if np.any((s[:, 0] <= middle) & (middle <= s[:, 1])):
+            a, b = int(vertex[i]), int(vertex[j])
+            edges.setdefault((min(a, b), max(a, b)), (a, b, int(owner[i])))
+    table = np.array(list(edges.values()), dtype=np.int64).reshape(-1, 3)
+    return table[:, :2], table[:, 2]
+
+
+def _faces(vertices: Array, edges: NDArray[np.int64], line: NDArray[np.int64]) -> Cells:
+    """Cells from edges: polygons are traced by shapely and matched to the edges by their corners."""
+    polygons = np.array(list(shapely.polygonize(shapely.linestrings(vertices[edges])).geoms), dtype=object)
+    tree = cKDTree(vertices)
+    left, right = np.full(len(edges), -1, np.int64), np.full(len(edges), -1, np.int64)
+    index = {(int(a), int(b)): k for k, (a, b) in enumerate(edges)}
+    for c, polygon in enumerate(polygons):
+        for ring, ccw in [(polygon.exterior, True), *[(hole, False) for hole in polygon.interiors]]:
+            corner = np.asarray(tree.query(np.asarray(ring.coords))[1])
+            if ring.is_ccw != ccw:  # the cell on the left of the way round
+                corner = corner[::-1]
+            for a, b in pairwise(corner):
+                if (int(a), int(b)) in index:
+                    left[index[int(a), int(b)]] = c
+                else:
+                    right[index[int(b), int(a)]] = c
+    used = (left >= 0) | (right >= 0)
+    return Cells(polygons, vertices, edges[used], line[used], left[used], right[used])

@@ -1,0 +1,200 @@
+"""Lines of the plan: wall lines of the estimate, merged, with the stretches that observations support."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array
+from recon.graph.estimate import WallLine
+from recon.model import Source
+
+MERGE_OFFSET = 0.035
+"""m, two lines closer than this over their stretches are one wall (or the two sides of one)."""
+MERGE_ANGLE = np.radians(3.0)
+MERGE_GAP = 3.0
+"""m along the wall; stretches further apart are told apart by their own lines."""
+
+NONE = np.zeros((0, 2))
+
+
+@dataclass(frozen=True)
+class PlanLine:
+    """A line that cuts the plan.
+
+    origin (2,) m and direction (2,) unit, map frame; positions along it are metres from the origin.
+    front, back: (K, 2) sorted disjoint stretches seen as a wall from the left and from the right of the direction.
+    sigma_offset (m) at the origin and sigma_angle (rad), one standard deviation. frontier: (K, 2) stretches where
+    seen space just ends, with no wall. oblique: a frontier neither along nor across the walls beside it.
+    """
+
+    origin: Array
+    direction: Array
+    front: Array
+    back: Array
+    sigma_offset: float
+    sigma_angle: float
+    source: Source
+    observations: int
+    frontier: Array = field(default_factory=lambda: NONE)
+    oblique: bool = False
+
+    @property
+    def normal(self) -> Array:
+        """Unit vector (2,) to the left."""
+        return np.array([-self.direction[1], self.direction[0]])
+
+    @property
+    def support(self) -> Array:
+        """(K, 2) sorted disjoint stretches seen from either side."""
+        return union(np.concatenate([self.front, self.back]))
+
+    @property
+    def supported_length(self) -> float:
+        """m."""
+        return total(self.support)
+
+    def along(self, points: Array) -> Array:
+        """(N,) positions along the line of points (N, 2)."""
+        return np.asarray((points - self.origin) @ self.direction)
+
+    def offset(self, points: Array) -> Array:
+        """(N,) m, signed distances of points (N, 2), positive to the left."""
+        return np.asarray((points - self.origin) @ self.normal)
+
+    def point(self, position: Array | float) -> Array:
+        """Points (N, 2) or (2,) at positions along the line."""
+        return self.origin + np.multiply.outer(position, self.direction)
+
+    def sigma_at(self, position: float) -> float:
+        """Standard deviation of the offset at a position along the line, m."""
+        return float(np.hypot(self.sigma_offset, position * self.sigma_angle))
+
+
+def union(intervals: Array, gap: float = 0.0) -> Array:
+    """Sorted disjoint (K, 2) union of intervals (N, 2); gaps up to `gap` are closed."""
+    merged: list[list[float]] = []
+    for a, b in intervals[np.argsort(intervals[:, 0], kind="stable")]:
+        if merged and a <= merged[-1][1] + gap:
+            merged[-1][1] = max(merged[-1][1], b)
+        else:
+            merged.append([a, b])
+    return np.array(merged).reshape(-1, 2)
+
+
+def total(intervals: Array) -> float:
+    """Summed length of disjoint intervals (K, 2)."""
+    return float(np.sum(intervals[:, 1] - intervals[:, 0]))
+
+
+def clip(intervals: Array, low: float, high: float) -> Array:
+    """The parts (K, 2) of disjoint intervals that lie between `low` and `high`."""
+    cut = np.clip(intervals, low, high)
+    return np.asarray(cut[cut[:, 1] > cut[:, 0]])
+
+
+def subtract(intervals: Array, holes: Array) -> Array:
+    """Disjoint intervals (K, 2) without the parts inside `holes` (M, 2)."""
+    for low, high in holes:
+        intervals = np.concatenate([clip(intervals, -np.inf, low), clip(intervals, high, np.inf)])
+    return union(intervals)
+
+
+def coverage(intervals: Array, low: Array, high: Array) -> Array:
+    """(N,) m of each [low, high] (N,) that disjoint intervals (K, 2) cover."""
+    if len(intervals) == 0:
+        return np.zeros(len(low))
+    overlap = np.minimum(high[:, None], intervals[:, 1]) - np.maximum(low[:, None], intervals[:, 0])
+    return np.asarray(np.clip(overlap, 0.0, None).sum(axis=1))
+
+
+def carried(intervals: Array, source: PlanLine, target: PlanLine) -> Array:
+    """Intervals (K, 2) of one line as positions along another, nearly parallel (or opposite) one."""
+    if len(intervals) == 0:
+        return NONE
+    ends = target.along(source.point(intervals.ravel())).reshape(-1, 2)
+    return np.sort(ends, axis=1)
+
+
+def merged_lines(walls: tuple[WallLine, ...]) -> list[PlanLine]:
+    """Wall lines as plan lines, longest first; collinear ones become one, whichever side they were seen from."""
+    lines = [_plan_line(wall) for wall in walls if len(wall.intervals)]
+    lines.sort(key=lambda line: -line.supported_length)
+    out: list[PlanLine] = []
+    for line in lines:
+        k = next((k for k, other in enumerate(out) if _same(line, other)), None)
+        if k is None:
+            out.append(line)
+        else:
+            out[k] = _joined(out[k], line)
+    return out
+
+
+def _plan_line(wall: WallLine) -> PlanLine:
+    return PlanLine(
+        wall.pose[:2],
+        wall.direction,
+        union(np.sort(wall.intervals, axis=1)),
+        NONE,
+        wall.sigma_offset,
+        wall.sigma_angle,
+        wall.source,
+        wall.observations,
+    )
+
+
+def _same(line: PlanLine, other: PlanLine) -> bool:
+    """Whether `line` continues `other` or is its other face: close over the whole stretch, and near along it."""
+    if abs(np.cross(line.direction, other.direction)) > np.sin(MERGE_ANGLE):
+        return False
+    ends = line.support[[0, -1], [0, 1]]
+    if np.abs(other.offset(line.point(ends))).max() > MERGE_OFFSET:
+        return False
+    low, high = np.sort(other.along(line.point(ends)))
+    gap = np.maximum(low - other.support[:, 1], other.support[:, 0] - high).min()
+    return bool(gap < MERGE_GAP)
+
+
+def _joined(line: PlanLine, other: PlanLine) -> PlanLine:
+    """Both as one line: a total-least-squares fit to their stretches, weighted by the number of observations."""
+    ends, weights = [], []
+    for part in (line, other):
+        s = part.support
+        ends.append(part.point(s.ravel()))
+        share = part.observations * np.repeat(s[:, 1] - s[:, 0], 2) / max(total(s), 1e-9)
+        weights.append(np.maximum(share, 1e-6))
+    points, weight = np.concatenate(ends), np.concatenate(weights)
+    centre = weight @ points / weight.sum()
+    moment = (points - centre).T @ (weight[:, None] * (points - centre))
+    direction: Array = np.linalg.eigh(moment)[1][:, 1]
+    direction = direction if direction @ line.direction > 0 else -direction
+    best = line if line.sigma_offset <= other.sigma_offset else other
+    joined = replace(
+        line,
+        origin=centre,
+        direction=direction,
+        sigma_offset=best.sigma_offset,
+        sigma_angle=min(line.sigma_angle, other.sigma_angle),
+        source="lidar" if "lidar" in (line.source, other.source) else line.source,
+        observations=line.observations + other.observations,
+    )
+    sides: dict[bool, list[Array]] = {True: [], False: []}
+    for part in (line, other):
+        forward = bool(part.direction @ direction > 0)
+        sides[forward].append(carried(part.front, part, joined))
+        sides[not forward].append(carried(part.back, part, joined))
+    return replace(joined, front=union(np.concatenate(sides[True])), back=union(np.concatenate(sides[False])))
+
+
+def crossings(lines: list[PlanLine]) -> tuple[Array, NDArray[np.bool_]]:
+    """(L, L) positions along line i of its crossing with line j, and whether they cross at over 15 degrees."""
+    origin = np.array([line.origin for line in lines]).reshape(-1, 2)
+    direction = np.array([line.direction for line in lines]).reshape(-1, 2)
+    sine = direction[:, None, 0] * direction[None, :, 1] - direction[:, None, 1] * direction[None, :, 0]
+    delta = origin[None, :, :] - origin[:, None, :]
+    cross = delta[..., 0] * direction[None, :, 1] - delta[..., 1] * direction[None, :, 0]
+    ok = np.abs(sine) > np.sin(np.radians(15.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(cross / sine), ok

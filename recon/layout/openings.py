@@ -1,0 +1,103 @@
+"""Doors and passages, read off the returns and rays along each wall."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array
+from recon.layout.evidence import FreeSpace
+from recon.layout.recess import DEPTH, WIDTH
+from recon.model import Opening, OpeningType, Wall
+
+BIN = 0.05
+"""m along the wall."""
+MIN_RETURNS = 3
+"""Returns in a bin before it says anything."""
+BRIDGED = 3
+"""Bins without a say within an opening."""
+LONGEST_DOOR = 1.4
+LONGEST_PASSAGE = 3.0
+"""m; a wider gap is no opening in a wall."""
+BESIDE = 0.10
+"""m before and behind a wall where free space says that rays went through it."""
+TOP = 2.0
+"""m, of openings whose head nothing has measured."""
+
+
+def find_openings(walls: list[Wall], returns: Array, space: FreeSpace) -> list[Opening]:
+    """Recessed leaves (returns a little behind a wall) and gaps (rays through it) as openings, in order of walls.
+
+    returns: (R, 2) m, map frame, where rays ended.
+    """
+    out: list[Opening] = []
+    for wall in walls:
+        if wall.source == "inferred" or wall.length < WIDTH[0]:
+            continue
+        for kind, low, high in _leaves(wall, returns) + _gaps(wall, returns, space):
+            start, end = wall.start + low * wall.direction, wall.start + high * wall.direction
+            out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP))
+    return out
+
+
+def _leaves(wall: Wall, returns: Array) -> list[tuple[OpeningType, float, float]]:
+    """Stretches along the wall where returns lie behind it at a leaf's depth."""
+    along, across = _beside(wall, returns, DEPTH[1])
+    count = max(1, int(np.ceil(wall.length / BIN)))
+    bins = np.minimum((along / BIN).astype(np.int64), count - 1)
+    behind = across < -DEPTH[0]
+    votes = np.stack([np.bincount(bins[behind == b], minlength=count) for b in (False, True)])
+    recessed = (votes[1] >= MIN_RETURNS) & (votes[1] > votes[0])
+    known = votes.sum(axis=0) >= MIN_RETURNS
+    out: list[tuple[OpeningType, float, float]] = []
+    for a, b in _runs(recessed, known):
+        here = behind & (along >= (a - 1) * BIN) & (along <= (b + 1) * BIN)
+        low, high = np.quantile(along[here], [0.01, 0.99])
+        if WIDTH[0] <= high - low <= WIDTH[1] and _has_jambs(a, b, recessed, known):
+            out.append(("door", float(low), float(high)))
+    return out
+
+
+def _gaps(wall: Wall, returns: Array, space: FreeSpace) -> list[tuple[OpeningType, float, float]]:
+    """Stretches along the wall that rays went through."""
+    count = max(1, int(np.ceil(wall.length / BIN)))
+    middle = (np.arange(count) + 0.5) * BIN
+    foot = wall.start + middle[:, None] * wall.direction
+    through = np.all([space.is_free(foot + y * wall.normal) for y in (BESIDE, -BESIDE, -2 * BESIDE)], axis=0)
+    along, across = _beside(wall, returns, BESIDE)
+    bins = np.minimum((along[np.abs(across) < DEPTH[0]] / BIN).astype(np.int64), count - 1)
+    solid = np.bincount(bins, minlength=count) >= MIN_RETURNS
+    open_ = through & ~solid
+    out: list[tuple[OpeningType, float, float]] = []
+    for a, b in _runs(open_, open_ | solid):
+        low, high = a * BIN, b * BIN
+        if WIDTH[0] <= high - low <= LONGEST_PASSAGE and _has_jambs(a, b, open_, open_ | solid):
+            out.append(("door" if high - low <= LONGEST_DOOR else "passage", low, high))
+    return out
+
+
+def _beside(wall: Wall, returns: Array, depth: float) -> tuple[Array, Array]:
+    """Positions along and across the wall (to its left) of the returns that are within `depth` of it."""
+    offset = returns - wall.start
+    along, across = offset @ wall.direction, offset @ wall.normal
+    near = (along >= 0) & (along < wall.length) & (np.abs(across) <= depth)
+    return along[near], across[near]
+
+
+def _runs(flag: NDArray[np.bool_], known: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Runs [a, b) of set bins, joined over up to `BRIDGED` bins that say nothing."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(np.int8), [0]])))
+    runs: list[tuple[int, int]] = []
+    for a, b in zip(change[::2], change[1::2], strict=True):
+        if runs and a - runs[-1][1] <= BRIDGED and not known[runs[-1][1] : a].any():
+            runs[-1] = (runs[-1][0], int(b))
+        else:
+            runs.append((int(a), int(b)))
+    return runs
+
+
+def _has_jambs(a: int, b: int, flag: NDArray[np.bool_], known: NDArray[np.bool_]) -> bool:
+    """Whether wall was seen within four bins of both ends of a run, or of one and the wall's corner is at the other."""
+    solid = known & ~flag
+    left, right = bool(solid[max(a - 4, 0) : a].any()), bool(solid[b : b + 4].any())
+    return (left or a <= 4) and (right or b >= len(flag) - 4) and (left or right)

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from recon.cli.options import PATH, configuration, examples, resolve_config, verbosity, warn
+
+if TYPE_CHECKING:
+    from recon.config import Config
+    from recon.sequence.sequence import Sequence
 
 
 @click.command(
@@ -44,11 +49,7 @@ def build(
     textures and a report, from which other formats can be exported later.
     """
     from recon.cli.outputs import work_folder
-    from recon.cli.progress import terminal_progress
-    from recon.cli.summary import summary
-    from recon.exporters import check_outputs, export
-    from recon.pipeline import build as build_model
-    from recon.results import save_result
+    from recon.exporters import check_outputs
     from recon.sequence.folder import read_sequence
 
     if not outputs and work is None:
@@ -59,6 +60,17 @@ def build(
     drive = read_sequence(sequence)
     for message in drive.warnings:
         warn(message, quiet)
+    _build(drive, config, folder, outputs, quiet)
+
+
+def _build(drive: Sequence, config: Config, folder: Path, outputs: tuple[Path, ...], quiet: bool) -> None:
+    """The work; its imports take seconds and come after everything that is quickly refused."""
+    from recon.cli.progress import terminal_progress
+    from recon.cli.summary import summary
+    from recon.exporters import export
+    from recon.pipeline import build as build_model
+    from recon.results import save_result
+
     progress = terminal_progress(quiet)
     result = build_model(drive, config, progress)
     with progress.stage("writing"):

@@ -1,11 +1,25 @@
 from __future__ import annotations
 
+import signal
+import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+
+CAMERA_YAML = """\
+image_width: 32
+image_height: 24
+camera_name: front
+camera_matrix: {rows: 3, cols: 3, data: [30, 0, 15.5, 0, 30, 11.5, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.02, 0.0005, -0.0004, 0]}
+"""
 
 
 @pytest.fixture(scope="session")
@@ -19,3 +33,61 @@ def shared_data() -> Callable[[str], Path]:
         return path
 
     return folder
+
+
+@pytest.fixture
+def tiny_sequence(tmp_path: Path) -> Path:
+    """A small, valid sequence folder `drive`: 6 scans of 90 beams in a 4 m x 4 m room, 5 images, odometry."""
+    folder = tmp_path / "drive"
+    (folder / "images").mkdir(parents=True)
+    bearings = -np.pi + np.arange(90) * 2 * np.pi / 90
+    ranges = 2 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
+    np.savez(
+        folder / "scans.npz",
+        timestamps=10 + 0.1 * np.arange(6),
+        ranges=np.tile(ranges, (6, 1)).astype(np.float32),
+        angle_min=-np.pi,
+        angle_increment=2 * np.pi / 90,
+        range_min=0.1,
+        range_max=10.0,
+    )
+    (folder / "camera.yaml").write_text(CAMERA_YAML)
+    rng = np.random.default_rng(0)
+    lines = ["# timestamp path"]
+    for i in range(5):
+        cv2.imwrite(str(folder / "images" / f"{i}.jpg"), rng.integers(0, 256, (24, 32, 3), dtype=np.uint8))
+        lines.append(f"{10.03 + 0.1 * i:.6f} images/{i}.jpg")
+    (folder / "images.txt").write_text("\n".join(lines) + "\n")
+    poses = [f"{10 + 0.1 * i:.6f} 0 0 0 0 0 0 1" for i in range(6)]
+    (folder / "odometry.txt").write_text("\n".join(poses) + "\n")
+    return folder
+
+
+@dataclass(frozen=True)
+class CommandResult:
+    """What a run of the command line left: exit status and the lines on standard output and standard error."""
+
+    status: int
+    output: list[str]
+    errors: list[str]
+
+
+@pytest.fixture
+def run_recon(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., CommandResult]:
+    """`run_recon("build", folder, "-o", path)`: the command line in this process, its descriptors captured."""
+    from recon.cli.main import main
+
+    def run(*arguments: object) -> CommandResult:
+        monkeypatch.setattr(sys, "argv", ["recon", *map(str, arguments)])
+        handler, status = signal.getsignal(signal.SIGTERM), 0
+        capfd.readouterr()
+        try:
+            main()
+        except SystemExit as end:
+            status = int(end.code or 0)
+        finally:
+            signal.signal(signal.SIGTERM, handler)
+        captured = capfd.readouterr()
+        return CommandResult(status, captured.out.splitlines(), captured.err.splitlines())
+
+    return run

@@ -74,7 +74,12 @@ def _points(layout: Layout) -> Any:
 
 
 def _draw(space: Modelspace, model: Model) -> None:
+    """From the bottom up: what is drawn later lies on top."""
     layout = model.layout
+    for room in layout.rooms:
+        _draw_room(space, room.name, room.polygon.tolist())
+    for item in layout.objects:
+        space.add_lwpolyline(item.footprint.tolist(), close=True, dxfattribs={"layer": "A-FURN"})
     for wall in layout.walls:
         for piece in solid_pieces(layout, wall):
             line = space.add_line(*piece.tolist(), dxfattribs={"layer": "A-WALL"})
@@ -84,10 +89,6 @@ def _draw(space: Modelspace, model: Model) -> None:
         line = space.add_line(*ends.tolist(), dxfattribs={"layer": OPENING_LAYERS[opening.type]})
         name = f"{opening.type}_{opening.id:03d}"
         line.set_xdata(APPLICATION, [(1000, name), (1040, float(opening.bottom)), (1040, float(opening.top))])
-    for item in layout.objects:
-        space.add_lwpolyline(item.footprint.tolist(), close=True, dxfattribs={"layer": "A-FURN"})
-    for room in layout.rooms:
-        _draw_room(space, room.name, room.polygon.tolist())
     if model.notes:
         corner = _points(layout).min(axis=0) - [0.0, 0.5]
         style = {"layer": "A-ANNO-NOTE", "style": "RECON", "char_height": 0.15, "attachment_point": 1}

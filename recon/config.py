@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from recon.model import DEFAULT_CEILING_HEIGHT
 
 
 @dataclass(frozen=True)
 class LidarConfig:
-    """Split-and-merge. range_sigma: the scanner's noise, m. min_points: fewest returns of a segment."""
+    """Split-and-merge. range_sigma: the scanner's noise, m (0: from the scans). min_points: fewest of a segment."""
 
-    range_sigma: float = 0.01
+    range_sigma: float = 0.0
     min_points: int = 8
     min_length: float = 0.25
 
@@ -20,7 +21,7 @@ class LidarConfig:
 class VisionConfig:
     """Image lines. detector: "canny" (edge linking) or "lsd"."""
 
-    detector: str = "canny"
+    detector: Literal["canny", "lsd"] = "canny"
     min_length: float = 20.0
 
 

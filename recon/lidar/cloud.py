@@ -129,7 +129,7 @@ def _sample_rest(xy: Array, label: Ints, sigma: float) -> Array:
 
 @njit(cache=True)
 def _local_normal(xy: Array, ones: Array, sigma: float, row: Array) -> None:
-    """Writes the normal and flat = 1 into `row` where the returns xy (n, 2) lie along a line longer than their noise."""
+    """Writes normal and flat = 1 into `row` where the returns xy (n, 2) lie along a line longer than their noise."""
     mx, my, nx, ny = total_least_squares(xy, ones)
     across, along = 0.0, 0.0
     for i in range(len(xy)):

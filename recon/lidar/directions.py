@@ -86,7 +86,10 @@ def manhattan_groups(endpoints: Array) -> NDArray[np.int64]:
 
 def _residual(angles: ArrayLike, direction: ArrayLike, period: float) -> Array:
     """Signed difference angles - direction, rad, in [-period/2, period/2)."""
-    return np.asarray((np.asarray(angles) - direction + period / 2) % period - period / 2)
+    return np.asarray(
+        (np.asarray(angles, dtype=np.float64) - np.asarray(direction, dtype=np.float64) + period / 2) % period
+        - period / 2
+    )
 
 
 def _peak(angles: Array, weights: Array, period: float) -> float:

@@ -138,7 +138,7 @@ def _nearest(
     map_xy: Array, map_normals: Array, map_flat: Bools, head: Ints, after: Ints, corner: Array, reach: float,
 ) -> int:  # fmt: skip
     """The nearest map point within `reach` (m) on the same side of a surface, -1: none. Rings of cells, inside out."""
-    u, v = int(math.floor((x - corner[0]) / CELL)), int(math.floor((y - corner[1]) / CELL))
+    u, v = math.floor((x - corner[0]) / CELL), math.floor((y - corner[1]) / CELL)
     best, nearest = -1, reach * reach
     for ring in range(int(reach / CELL) + 2):
         if ring > 1 and ((ring - 1) * CELL) ** 2 > nearest:

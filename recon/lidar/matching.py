@@ -1,4 +1,4 @@
-"""Scan matching: the platform's trajectory from scans, with odometry or without."""
+"""Scan matching: the platform's trajectory from its scans, with odometry or without (paper 2.1 and issue of drift)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,35 @@ from numpy.typing import NDArray
 from recon.config import LidarConfig
 from recon.geometry import Array, between2, compose2, rotation2, wrap_angle
 from recon.lidar.cloud import Cloud, make_cloud
+from recon.lidar.correlative import PRIOR_WEIGHT, search
 from recon.lidar.icp import Alignment, align
-from recon.lidar.localmap import LocalMap, build_map
-from recon.lidar.motion import Motion, predict
+from recon.lidar.keyframes import Keyframes
+from recon.lidar.localmap import LocalMap
+from recon.lidar.motion import Motion, OdometryQuality, predict
+from recon.lidar.noise import with_noise
 from recon.lidar.points import scan_points
 from recon.sequence.sequence import Scans
 from recon.sequence.trajectory import Trajectory
+
+KERNEL = 0.15
+"""m, width of the kernel at the first iteration."""
+GOOD_OVERLAP = 0.75
+"""Share of a scan's points on the map from which an alignment near its prediction is beyond doubt."""
+MIN_OVERLAP = 0.3
+"""Share below which matching failed."""
+MIN_MATCHED = 8
+"""Points on the map below which matching failed."""
+MAX_SURPRISE = 16.0
+"""Squared normalised distance from the prediction above which an alignment is in doubt."""
+REACH = 3.0
+"""Standard deviations of the prediction that the search covers."""
+SMALLEST_WINDOW = (0.3, np.radians(10.0))
+LARGEST_WINDOW = (1.5, np.radians(60.0))
+"""m, rad: bounds of the search."""
+FLOOR = (0.001, 0.0003)
+"""m, rad: standard deviations of a relative motion that always stay."""
+UNKNOWN = (10.0, 3.0)
+"""m, rad: standard deviations of what scans alone do not tell."""
 
 
 @dataclass(frozen=True)
@@ -23,73 +46,136 @@ class ScanMatching:
     """What scan matching gives for N scans.
 
     trajectory: poses at every scan's timestamp in the map frame (the platform frame at the first scan).
-    covariances: (N-1, 3, 3) of each relative motion [x, y, yaw] (m, m, rad) in the frame of the earlier pose.
-    failed: (N,) scans that fitted no map: their motion is the prediction, with the prediction's covariance.
-    velocities: (N, 3) m/s, m/s, rad/s of the platform in its own frame, to take motion distortion out of scans.
+    covariances: (N-1, 3, 3) of each relative motion [x, y, yaw] (m, m, rad) in the frame of the earlier pose, the
+        odometry or constant velocity that was fused included.
+    scan_covariances: (N-1, 3, 3) the same from the scans alone, for those who weigh odometry themselves: where scans
+        say nothing (along a bare corridor, failed matches) the deviations are metres.
+    failed: (N,) scans that fitted no map: their motion is the prediction.
+    velocities: (N, 3) m/s, m/s, rad/s of the platform in its own frame after each scan's timestamp, with which
+        `extract_segments` takes out motion distortion.
     """
 
     trajectory: Trajectory
     covariances: Array
+    scan_covariances: Array
     failed: NDArray[np.bool_]
     velocities: Array
 
 
-KEYFRAME_DISTANCE = 0.3
-KEYFRAME_TURN = np.radians(12.0)
-NEAR = 12.0
-"""m: keyframes farther from the platform are left out of its local map."""
-MEMORY = 40.0
-"""m driven: older keyframes are left out too, as drift would double their walls."""
-MIN_OVERLAP = 0.35
-"""Share of a scan's points on the map below which matching failed."""
-
-
-class _Keyframes:
-    """Clouds in the map frame, chosen by motion, and the local map around the newest."""
-
-    def __init__(self, config: LidarConfig) -> None:
-        self._config = config
-        self._clouds: list[Cloud] = []
-        self._poses: list[Array] = []
-        self._driven: list[float] = []
-        self.map: LocalMap
-
-    def add(self, cloud: Cloud, pose: Array, driven: float) -> None:
-        self._clouds.append(cloud.moved(pose))
-        self._poses.append(pose)
-        self._driven.append(driven)
-        poses = np.array(self._poses)
-        near = np.hypot(poses[:, 0] - pose[0], poses[:, 1] - pose[1]) < NEAR
-        near &= driven - np.array(self._driven) < MEMORY
-        self.map = build_map(Cloud.concatenate([self._clouds[i] for i in np.flatnonzero(near)]), pose[:2], self._config)
-
-    def is_due(self, pose: Array) -> bool:
-        step = between2(self._poses[-1], pose)
-        return bool(np.hypot(step[0], step[1]) > KEYFRAME_DISTANCE or abs(step[2]) > KEYFRAME_TURN)
-
-
 def match_scans(scans: Scans, odometry: Trajectory | None, config: LidarConfig) -> ScanMatching:
-    n = len(scans)
-    poses, failed, velocities = np.zeros((n, 3)), np.zeros(n, np.bool_), np.zeros((n, 3))
-    covariances = np.zeros((max(n - 1, 0), 3, 3))
-    keyframes, driven = _Keyframes(config), 0.0
-    keyframes.add(make_cloud(scan_points(scans, 0), config), poses[0], 0.0)
-    previous = np.zeros((3, 3))
-    noise = max(3.0 * config.range_sigma, 0.02)
-    for k in range(1, n):
-        start, end = float(scans.timestamps[k - 1]), float(scans.timestamps[k])
-        motion = predict(odometry, start, end, velocities[k - 1])
-        cloud = make_cloud(scan_points(scans, k), config)
-        guess = compose2(poses[k - 1], motion.mean)
-        turn = np.eye(3)
-        turn[:2, :2] = rotation2(float(poses[k - 1, 2]))
-        prior = turn @ np.diag(motion.sigma**-2) @ turn.T
-        result = align(cloud, keyframes.map, guess, guess, prior, 0.15, noise)
-        poses[k] = result.pose
-        step = between2(poses[k - 1], poses[k])
-        velocities[k] = step / (end - start)
-        driven += float(np.hypot(step[0], step[1]))
-        failed[k] = result.overlap < MIN_OVERLAP
-        if keyframes.is_due(poses[k]):
-            keyframes.add(cloud, poses[k], driven)
-    return ScanMatching(Trajectory(scans.timestamps, poses), covariances, failed, velocities)
+    """Poses of all scans, each aligned with the map of the keyframes before it.
+
+    Odometry, where it covers the scans, is the prediction and is fused with a weight that is learnt along the way.
+    Scans with a `time_increment` are matched twice, the second time without their motion distortion.
+    """
+    config = with_noise(scans, config)
+    if scans.time_increment > 0:
+        first = _Matcher(scans, odometry, config, _odometry_velocities(scans, odometry)).run()
+        return _Matcher(scans, odometry, config, first.velocities).run()
+    return _Matcher(scans, odometry, config, None).run()
+
+
+class _Matcher:
+    """State of one pass over the scans."""
+
+    def __init__(
+        self, scans: Scans, odometry: Trajectory | None, config: LidarConfig, velocities: Array | None
+    ) -> None:
+        n = len(scans)
+        self._scans, self._odometry, self._config, self._velocities = scans, odometry, config, velocities
+        self._noise = max(3.0 * config.range_sigma, 0.02)
+        self._quality = OdometryQuality()
+        self._poses, self._failed = np.zeros((n, 3)), np.zeros(n, np.bool_)
+        self._fused, self._alone = np.zeros((max(n - 1, 0), 3, 3)), np.zeros((max(n - 1, 0), 3, 3))
+        self._pose_covariance = np.diag(np.array(FLOOR)[[0, 0, 1]] ** 2)
+        self._velocity = np.zeros(3)
+
+    def run(self) -> ScanMatching:
+        if len(self._scans):
+            self._keyframes = Keyframes(self._config, self._cloud(0), self._poses[0])
+        for k in range(1, len(self._scans)):
+            self._step(k)
+        trajectory = Trajectory(self._scans.timestamps, self._poses)
+        return ScanMatching(trajectory, self._fused, self._alone, self._failed, _velocities(trajectory))
+
+    def _cloud(self, k: int) -> Cloud:
+        velocity = None if self._velocities is None else self._velocities[k]
+        return make_cloud(scan_points(self._scans, k, velocity), self._config)
+
+    def _step(self, k: int) -> None:
+        before = self._poses[k - 1]
+        start, end = float(self._scans.timestamps[k - 1]), float(self._scans.timestamps[k])
+        motion = predict(self._odometry, start, end, self._velocity)
+        sigma = self._quality.sigma(motion)
+        cloud, prior = self._cloud(k), compose2(before, motion.mean)
+        turn = _turn(before[2])
+        found = _locate(cloud, self._keyframes.map, prior, turn @ np.diag(sigma**-2) @ turn.T, sigma, self._noise)
+        failed = found.overlap < MIN_OVERLAP or found.matched < MIN_MATCHED
+        self._failed[k], self._poses[k] = failed, prior if failed else found.pose
+        scan = np.zeros((3, 3)) if failed else found.information
+        self._note(k, motion, sigma, scan)
+        self._velocity = between2(before, self._poses[k]) / (end - start)
+        if failed or self._keyframes.is_due(self._poses[k]):
+            self._keyframes.add(cloud, self._poses[k])
+
+    def _note(self, k: int, motion: Motion, sigma: Array, information: Array) -> None:
+        """Covariances of the motion to scan k, whose match has `information` (3, 3) in the map frame."""
+        covariance = np.linalg.inv(information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
+        turn = _turn(self._poses[k - 1, 2])
+        relative = between2(self._poses[k - 1], self._poses[k])
+        # the later pose seen from the earlier one moves against the earlier one, and about it as it turns
+        earlier = np.eye(3)
+        earlier[:2, 2] = -relative[1], relative[0]
+        alone = turn.T @ covariance @ turn + earlier @ (turn.T @ self._pose_covariance @ turn) @ earlier.T
+        floor = np.diag(np.array(FLOOR)[[0, 0, 1]] ** 2)
+        fused = np.linalg.inv(np.linalg.inv(alone) + np.diag(sigma**-2))
+        self._alone[k - 1], self._fused[k - 1] = alone + floor, fused + floor
+        self._pose_covariance = covariance
+        if not self._failed[k]:
+            difference = relative - motion.mean
+            difference[2] = wrap_angle(difference[2])
+            # undo the prior's pull: what the scans alone would have said
+            pull = alone @ np.diag(sigma**-2)
+            self._quality.learn(motion, difference + pull @ difference, alone)
+
+
+def _locate(cloud: Cloud, local: LocalMap, prior: Array, information: Array, sigma: Array, noise: float) -> Alignment:
+    """Alignment from the prediction; where that is in doubt, also from the best place in a whole window."""
+    found = align(cloud, local, prior, prior, information, KERNEL, noise)
+    if found.overlap >= GOOD_OVERLAP and _surprise(found.pose, prior, information) < MAX_SURPRISE:
+        return found
+    window = np.clip(REACH * sigma[[0, 2]], SMALLEST_WINDOW, LARGEST_WINDOW)
+    guess = search(cloud, local, prior, information, window)
+    other = align(cloud, local, guess, prior, information, KERNEL, noise)
+    gain = other.overlap - PRIOR_WEIGHT * _surprise(other.pose, prior, information)
+    return other if gain > found.overlap - PRIOR_WEIGHT * _surprise(found.pose, prior, information) else found
+
+
+def _surprise(pose: Array, prior: Array, information: Array) -> float:
+    """Squared normalised distance of a pose from the prior."""
+    offset = pose - prior
+    offset[2] = wrap_angle(offset[2])
+    return float(offset @ information @ offset)
+
+
+def _turn(yaw: float) -> Array:
+    """(3, 3): turns [x, y, yaw] of the platform frame into the map frame."""
+    turn = np.eye(3)
+    turn[:2, :2] = rotation2(float(yaw))
+    return turn
+
+
+def _velocities(trajectory: Trajectory) -> Array:
+    """(N, 3) velocity from each pose to the next, in its own frame; the last one's is held."""
+    if len(trajectory) < 2:
+        return np.zeros((len(trajectory), 3))
+    steps = between2(trajectory.poses[:-1], trajectory.poses[1:])
+    rates = steps / np.diff(trajectory.timestamps)[:, None]
+    return np.concatenate([rates, rates[-1:]])
+
+
+def _odometry_velocities(scans: Scans, odometry: Trajectory | None) -> Array:
+    """(N, 3) velocities at the scans by odometry, zero without it."""
+    if odometry is None:
+        return np.zeros((len(scans), 3))
+    return _velocities(Trajectory(scans.timestamps, odometry.at(scans.timestamps)))

@@ -9,7 +9,7 @@ from recon.exporters.output import Output
 from recon.exporters.shape import face_normal
 from recon.geometry import Array
 from recon.model import Face, Model
-from recon.sampling import face_colours
+from recon.sampling import FaceColours
 
 FINEST_STEP = 0.03
 """m between the vertices of a textured face, in a building of up to MOST_VERTICES; coarser in a larger one."""
@@ -27,7 +27,7 @@ def write_ply(model: Model, stem: str) -> Output:
         points, corners = (face.vertices, face.triangles) if face.texture is None else cut_by_grid(face, step)
         vertex, triangle = np.zeros(len(points), _VERTEX), np.zeros(len(corners), _TRIANGLE)
         vertex["position"], vertex["normal"] = points, face_normal(face)
-        vertex["colour"] = np.rint(face_colours(face, points, step))
+        vertex["colour"] = np.rint(FaceColours(face).at(points, step))
         triangle["count"], triangle["vertices"] = 3, corners + first
         vertices.append(vertex)
         triangles.append(triangle)

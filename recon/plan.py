@@ -79,7 +79,8 @@ def wall_bodies(layout: Layout, walls: tuple[Wall, ...] | None = None, cut: bool
     parts = []
     for wall in chosen:
         ends = np.array([wall.start, wall.end])
-        parts += [behind(ends, wall, t), around.intersection(shapely.LineString(ends).buffer(1.45 * t))]
+        longer = ends + np.outer([-t, t], wall.direction)
+        parts += [behind(ends, wall, t), around.intersection(behind(longer, wall, t))]
     gap = (_THICKEST_FILLED - 2 * t) / 2
     solid = shapely.unary_union(parts)
     solid = solid.buffer(gap, join_style="mitre").buffer(-gap, join_style="mitre").difference(rooms)

@@ -57,17 +57,30 @@ def _fit_grid(path: Path, scan: Indices, angles: Array) -> tuple[float, float, b
     step = float(np.median(steps))
     if span / step > 2 * np.pi / 1e-7:
         raise InputError(f"{path}: angles span {span:g} rad, expected at most 2 pi")
-    for _ in range(3):  # the printed step is rounded: fit it over the whole span, where the rounding does not add up
-        k = np.rint((angles - low) / step)
-        spread = np.stack([np.ones_like(k), k], axis=1)
-        (fitted_low, fitted_step), *_ = np.linalg.lstsq(spread, angles, rcond=None)
-        if fitted_step <= 0:
-            break
-        low, step = float(fitted_low), float(fitted_step)
+    low, step = _refined(angles, low, step)
     residual = angles - low - step * np.rint((angles - low) / step)
     on_grid = bool(np.quantile(np.abs(residual), 0.99) < 0.1 * step)
     first = int(np.rint((angles.min() - low) / step))
     return low + first * step, step, on_grid
+
+
+def _refined(angles: Array, low: float, step: float) -> tuple[float, float]:
+    """Least-squares start and step, rad.
+
+    Printed angles are rounded. Beams are numbered over a stretch that doubles as the step gets surer: over the whole
+    sweep at once the rounding would add up to a miscount.
+    """
+    reach = 8.0
+    while True:
+        near = angles[angles - low < reach * step]
+        k = np.rint((near - low) / step)
+        if np.ptp(k) > 0:
+            (fitted_low, fitted), *_ = np.linalg.lstsq(np.stack([np.ones_like(k), k], axis=1), near, rcond=None)
+            if abs(fitted - step) < 0.2 * step:
+                low, step = float(fitted_low), float(fitted)
+        if len(near) == len(angles):
+            return low, step
+        reach *= 2
 
 
 def _gridded(

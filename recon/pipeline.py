@@ -1,0 +1,236 @@
+"""The house, top to bottom: from a sequence to a model.
+
+    sequence -> features -> calibration -> trajectory + walls -> layout -> texture -> Model
+
+Every stage is a function of what the stages before it gave; only readers read files, only exporters write them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from recon.calibration.calibrate import calibrate, check_given
+from recon.calibration.frames import collect_frames
+from recon.calibration.result import Calibration
+from recon.config import Config
+from recon.faces import extrude
+from recon.geometry import Array, Pose3, between2
+from recon.graph.boundary import boundary_observations
+from recon.graph.estimate import MapEstimate
+from recon.graph.motion import Motion
+from recon.graph.observation import WallObservations
+from recon.graph.solve import solve_graph
+from recon.layout.build import build_layout
+from recon.layout.heights import with_heights
+from recon.lidar.matching import ScanMatching, match_scans
+from recon.lidar.noise import with_noise
+from recon.lidar.segment import Segments
+from recon.lidar.split_and_merge import extract_segments
+from recon.model import Layout, Model
+from recon.progress import SILENT, Progress, Stage
+from recon.sequence.images import iterate_images
+from recon.sequence.sequence import Sequence
+from recon.sequence.trajectory import Trajectory
+from recon.texture.texture import texture_faces
+from recon.vision.frame import FrameLines
+from recon.vision.frame_lines import detect_lines, relabel
+from recon.vision.vertical import vertical_direction
+
+MAX_EXTRAPOLATION = 0.2  # s: images farther outside the scans' time have no pose
+
+
+@dataclass(frozen=True)
+class Build:
+    """All that a build found. `map_from_camera`: one pose an image, None where it has none."""
+
+    sequence: Sequence
+    config: Config
+    model: Model
+    estimate: MapEstimate
+    calibration: Calibration | None
+    map_from_camera: tuple[Pose3 | None, ...]
+    seconds: dict[str, float]
+    counts: dict[str, int]
+    warnings: tuple[str, ...]
+
+
+@dataclass
+class _Run:
+    """What accumulates while the stages run."""
+
+    progress: Progress
+    seconds: dict[str, float] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def stage(self, name: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
+        """Shown to whoever watches, and timed."""
+        start = time.perf_counter()
+        with self.progress.stage(name, total, unit) as stage:
+            yield stage
+        self.seconds[name] = round(time.perf_counter() - start, 3)
+
+
+def build(sequence: Sequence, config: Config, progress: Progress = SILENT) -> Build:
+    """From one drive to a textured model with known accuracy."""
+    run = _Run(progress, warnings=list(sequence.warnings))
+    matching, segments = _scans(sequence, config, run)
+    lines, vertical = _lines(sequence, config, run)
+    calibration = _calibration(sequence, lines, vertical, matching.trajectory, segments, config, run)
+    estimate = _estimate(sequence, lines, calibration, matching, segments, config, run)
+    poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
+    with run.stage("layout"):
+        layout = build_layout(estimate, sequence.scans, config.layout)
+        if sequence.camera is not None:
+            layout = with_heights(layout, lines, poses, sequence.camera)
+    model = _model(sequence, layout, poses, config, run)
+    return Build(
+        sequence, config, model, estimate, calibration, poses, run.seconds, run.counts, tuple(dict.fromkeys(run.warnings))
+    )
+
+
+def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[ScanMatching, list[Segments]]:
+    """Odometry from scan matching, and line segments of every scan (paper 2.1)."""
+    scans = sequence.scans
+    lidar = with_noise(scans, config.lidar)
+    with run.stage("scan matching", len(scans), "scans") as stage:
+        matching = match_scans(scans, sequence.odometry, lidar)
+        stage.advance(len(scans))
+    with run.stage("scan lines", len(scans), "scans") as stage:
+        segments = []
+        for i in range(len(scans)):
+            segments.append(extract_segments(scans, i, lidar, matching.velocities[i]))
+            stage.advance()
+    run.counts |= {"scans": len(scans), "scan segments": sum(map(len, segments))}
+    if matching.failed.any():
+        run.warnings.append(f"{int(matching.failed.sum())} of {len(scans)} scans fitted no map; their motion is predicted")
+    return matching, segments
+
+
+def _lines(
+    sequence: Sequence, config: Config, run: _Run
+) -> tuple[list[FrameLines | None], tuple[Array, float] | None]:
+    """Lines and vanishing points of every image, and the vertical that all images share (paper 2.2, 2.3.1)."""
+    if sequence.images is None or sequence.camera is None:
+        return [], None
+    frames: list[FrameLines | None] = []
+    with run.stage("image lines", len(sequence.images), "images") as stage:
+        for _, image in iterate_images(sequence.images, sequence.camera, grey=True, warnings=run.warnings):
+            frames.append(None if image is None else detect_lines(image, sequence.camera, config.vision, config.seed))
+            stage.advance()
+        found = [f for f in frames if f is not None]
+        down, sigma, count = vertical_direction(found, sequence.camera)
+        run.counts |= {"images": len(frames), "image lines": sum(map(len, found)), "vertical lines": count}
+        if count == 0:
+            run.warnings.append("no image shows vertical lines; the images are left out")
+            return frames, None
+        camera = sequence.camera
+        return [None if f is None else relabel(f, camera, down) for f in frames], (down, sigma)
+
+
+def _calibration(
+    sequence: Sequence,
+    lines: list[FrameLines | None],
+    vertical: tuple[Array, float] | None,
+    trajectory: Trajectory,
+    segments: list[Segments],
+    config: Config,
+    run: _Run,
+) -> Calibration | None:
+    """platform_from_camera, estimated or given and checked (paper 2.3, 2.4)."""
+    camera, images, given = sequence.camera, sequence.images, sequence.platform_from_camera
+    if camera is None or images is None or vertical is None:
+        return None
+    with run.stage("calibration"):
+        frames = collect_frames(lines, images.timestamps, trajectory, segments)
+        if given is not None:
+            result: Calibration | None = check_given(frames, camera, vertical, given)
+        else:
+            result = calibrate(frames, camera, vertical, config.calibration, config.seed)
+    if result is None:
+        run.warnings.append(
+            "the camera's pose on the platform was not found (too few wall feet agree with the scans); "
+            "the model stays untextured, give extrinsics.yaml to use the images"
+        )
+        return None
+    run.warnings.extend(result.warnings)
+    run.counts["calibration images"] = len(result.inlier_frames)
+    return result
+
+
+def _estimate(
+    sequence: Sequence,
+    lines: list[FrameLines | None],
+    calibration: Calibration | None,
+    matching: ScanMatching,
+    segments: list[Segments],
+    config: Config,
+    run: _Run,
+) -> MapEstimate:
+    """Platform poses and wall lines from one factor graph."""
+    with run.stage("factor graph"):
+        observations = [_wall_observations(segments)]
+        if calibration is not None and sequence.images is not None and sequence.camera is not None:
+            times, camera = sequence.images.timestamps, sequence.camera
+            observations.append(
+                boundary_observations(lines, times, camera, calibration, sequence.scans, matching.trajectory)
+            )
+        poses = matching.trajectory.poses
+        motion = Motion(between2(poses[:-1], poses[1:]), matching.covariances)
+        estimate = solve_graph(
+            matching.trajectory, motion, WallObservations.concatenate(observations), sequence.odometry, config.graph
+        )
+    run.counts["wall lines"] = len(estimate.walls)
+    return estimate
+
+
+def _wall_observations(segments: list[Segments]) -> WallObservations:
+    """The LiDAR segments of all scans."""
+    return WallObservations(
+        np.concatenate([np.full(len(s), i, np.int64) for i, s in enumerate(segments)]),
+        np.concatenate([s.endpoints for s in segments]),
+        np.concatenate([s.covariance for s in segments]),
+        np.full(sum(map(len, segments)), -1, np.int64),
+    )
+
+
+def _camera_poses(
+    sequence: Sequence, calibration: Calibration | None, trajectory: Trajectory, run: _Run
+) -> tuple[Pose3 | None, ...]:
+    """map_from_camera at every image; None where the image is outside the scans' time."""
+    if sequence.images is None:
+        return ()
+    times = sequence.images.timestamps
+    if calibration is None:
+        return (None,) * len(times)
+    first, last = trajectory.timestamps[0] - MAX_EXTRAPOLATION, trajectory.timestamps[-1] + MAX_EXTRAPOLATION
+    inside = (times >= first) & (times <= last)
+    if not inside.all():
+        run.warnings.append(f"{int((~inside).sum())} of {len(times)} images lie outside the scans' time and are left out")
+    return tuple(
+        Pose3.from_planar(pose) @ calibration.platform_from_camera if ok else None
+        for pose, ok in zip(trajectory.at(times), inside, strict=True)
+    )
+
+
+def _model(
+    sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], config: Config, run: _Run
+) -> Model:
+    """Faces extruded from the layout, textured from the images."""
+    faces = extrude(layout)
+    if sequence.images is not None and sequence.camera is not None and any(p is not None for p in poses):
+        with run.stage("texture") as stage:
+            faces = texture_faces(faces, sequence.images, sequence.camera, poses, config.texture, stage)
+    notes = []
+    if layout.ceiling_height is None:
+        notes.append(f"No image shows the ceiling; walls are {layout.default_ceiling_height:.2f} m high by default.")
+    if any(wall.source == "inferred" for wall in layout.walls):
+        notes.append("Walls of source 'inferred' close the outline where no sensor saw a wall.")
+    run.counts |= {"walls": len(layout.walls), "rooms": len(layout.rooms), "openings": len(layout.openings)}
+    return Model(sequence.name, layout, faces, tuple(notes))

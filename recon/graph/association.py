@@ -1,0 +1,190 @@
+"""Which wall every observed segment belongs to.
+
+Along the drive first: a segment joins the wall line it overlaps and agrees with by Mahalanobis distance, or starts a
+new one. Later, with optimised poses and walls, all segments are assigned at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array
+from recon.graph.line import FLATNESS, Difference, Lines, carry, squared_distance
+from recon.graph.motion import Motion
+
+Ints = NDArray[np.int64]
+
+NONE = -1
+"""Label of a segment that belongs to no wall."""
+GATE = 13.8
+"""Chi-square with two degrees of freedom, 99.9 %."""
+REACH = 0.3
+"""m: a segment that ends this close to a wall's stretch still touches it."""
+MAX_TURN = 0.35
+"""rad: segments further off than this never belong to a wall, however vague their direction."""
+MAX_DRIFT = 0.15
+"""m: beyond this much drift nearness says nothing about which wall it is."""
+MAX_HEADING_DRIFT = 0.05
+"""rad: the same for the heading."""
+CHUNK = 2000
+"""Segments that are compared with all walls at a time."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How uncertain poses are to one another, growing along the drive.
+
+    position: (N, 2, 2) m^2, map frame, and heading: (N,) rad^2, summed from the first scan on.
+    floor_position (m), floor_heading (rad): uncertainty between neighbouring scans.
+    """
+
+    position: Array
+    heading: Array
+    floor_position: float
+    floor_heading: float
+
+    @staticmethod
+    def of_motion(motion: Motion, poses: Array) -> Drift:
+        """Drift of a chain of measured motions, independent of each other, along `poses` (N, 3)."""
+        yaw = poses[:-1, 2]
+        c, s = np.cos(yaw), np.sin(yaw)
+        turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+        step = turn @ motion.covariance[:, :2, :2] @ turn.transpose(0, 2, 1)
+        position = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(step, axis=0)])
+        heading = np.concatenate([[0.0], np.cumsum(motion.covariance[:, 2, 2])])
+        return Drift(position, heading, 0.01, 0.003)
+
+    @staticmethod
+    def solved(scans: int) -> Drift:
+        """Drift of an optimised trajectory: the same small uncertainty everywhere."""
+        return Drift(np.zeros((scans, 2, 2)), np.zeros(scans), 0.003, 0.001)
+
+    def between(self, scan: int, first: Ints, last: Ints, normals: Array) -> tuple[Array, Array]:
+        """Variances (W,) across walls (m^2, along `normals` (W, 2)) and of heading (rad^2), from `scan` to when the
+        walls were seen, from scan `first` to `last` (W,)."""
+        nearest = np.clip(scan, first, last)
+        delta = self.position[scan] - self.position[nearest]
+        across = np.abs(np.einsum("wi,wij,wj->w", normals, delta, normals))
+        heading = np.abs(self.heading[scan] - self.heading[nearest])
+        across = np.minimum(across, MAX_DRIFT**2) + self.floor_position**2
+        return across, np.minimum(heading, MAX_HEADING_DRIFT**2) + self.floor_heading**2
+
+
+class WallTable:
+    """Wall lines that grow along the drive: an extended Kalman filter for each, on (offset, angle)."""
+
+    def __init__(self, capacity: int) -> None:
+        self.size = 0
+        self._pose = np.zeros((capacity, 3))
+        self._covariance = np.zeros((capacity, 2, 2))
+        self._half = np.zeros(capacity)
+        self._first = np.zeros(capacity, dtype=np.int64)
+        self._last = np.zeros(capacity, dtype=np.int64)
+
+    @property
+    def lines(self) -> Lines:
+        """The walls so far."""
+        n = self.size
+        return Lines(self._pose[:n, :2], self._pose[:n, 2], self._half[:n], self._covariance[:n])
+
+    def seen(self) -> tuple[Ints, Ints]:
+        """First and last scan (W,) that saw each wall."""
+        return self._first[: self.size], self._last[: self.size]
+
+    def add(self, lines: Lines, scan: int) -> Ints:
+        """New walls, one a segment; returns their labels."""
+        rows = slice(self.size, self.size + len(lines))
+        self._pose[rows], self._half[rows] = lines.pose, lines.half
+        self._covariance[rows] = lines.covariance
+        self._first[rows], self._last[rows] = scan, scan
+        self.size += len(lines)
+        return np.arange(rows.start, rows.stop)
+
+    def update(self, label: int, measured: tuple[float, float, float, float], noise: Array, scan: int) -> None:
+        """Fuse one segment: (along, offset, angle, half) in the wall's frame, its covariance (2, 2) at its middle."""
+        along, offset, angle, half = measured
+        x, y, yaw = self._pose[label]
+        low, high = min(-self._half[label], along - half), max(self._half[label], along + half)
+        shift = (low + high) / 2  # the wall's origin moves to the middle of its stretch
+        prior = carry(self._covariance[label], np.asarray(shift))
+        gain = prior @ np.linalg.inv(prior + carry(noise, np.asarray(shift - along)))
+        offset, angle = gain @ np.array([offset + (shift - along) * angle, angle])
+        c, s = np.cos(yaw), np.sin(yaw)
+        self._pose[label] = x + c * shift - s * offset, y + s * shift + c * offset, yaw + angle
+        self._covariance[label] = prior - gain @ prior
+        self._half[label] = (high - low) / 2
+        self._first[label], self._last[label] = min(self._first[label], scan), max(self._last[label], scan)
+
+
+def track(lines: Lines, scan: Ints, poses: Array, drift: Drift) -> Ints:
+    """Labels (K,) of segments `lines` (map frame) taken in order of `scan` (K,), each the wall it joins or starts."""
+    labels = np.full(len(lines), NONE, dtype=np.int64)
+    table = WallTable(len(lines))
+    order = np.argsort(scan, kind="stable")
+    cuts = np.flatnonzero(np.diff(scan[order])) + 1
+    for rows in np.split(order, cuts) if len(order) else []:
+        labels[rows] = _track_scan(table, lines[rows], int(scan[rows[0]]), poses, drift)
+    return labels
+
+
+def _track_scan(table: WallTable, lines: Lines, scan: int, poses: Array, drift: Drift) -> Ints:
+    labels = np.full(len(lines), NONE, dtype=np.int64)
+    if table.size:
+        walls = table.lines
+        difference = Difference.between(lines, walls)
+        normals = np.stack([-np.sin(walls.angle), np.cos(walls.angle)], axis=1)
+        across, heading = drift.between(scan, *table.seen(), normals)
+        lever = np.sum((lines.middle - poses[scan, :2]) * lines.direction, axis=1)
+        pose = _pose_covariance(lever[:, None], across[None], heading[None])
+        spread = carry(walls.covariance[None], difference.along) + lines.covariance[:, None] + pose
+        labels = _nearest(difference, spread + flatness(lines)[:, None])
+        noise = lines.covariance + _pose_covariance(lever, drift.floor_position**2, drift.floor_heading**2)
+        for k in np.flatnonzero(labels != NONE):
+            label = int(labels[k])
+            # the wall may have moved by a fellow segment of this scan: measured against it anew
+            now = Difference.between(lines[k : k + 1], table.lines[label : label + 1])
+            measured = (float(now.along[0, 0]), float(now.offset[0, 0]), float(now.angle[0, 0]), float(lines.half[k]))
+            table.update(label, measured, noise[k], scan)
+    new = labels == NONE
+    labels[new] = table.add(lines[new], scan)
+    return labels
+
+
+def assign(lines: Lines, walls: Lines, poses: Array, scan: Ints) -> Ints:
+    """Labels (K,) of segments among known `walls`, NONE where none fits, with optimised `poses` (N, 3)."""
+    labels = np.full(len(lines), NONE, dtype=np.int64)
+    drift = Drift.solved(len(poses))
+    for start in range(0, len(lines) if len(walls) else 0, CHUNK):
+        part = slice(start, start + CHUNK)
+        some = lines[part]
+        lever = np.sum((some.middle - poses[scan[part], :2]) * some.direction, axis=1)
+        pose = _pose_covariance(lever, drift.floor_position**2, drift.floor_heading**2)
+        spread = some.covariance + pose + flatness(some)
+        labels[part] = _nearest(Difference.between(some, walls), spread[:, None])
+    return labels
+
+
+def flatness(lines: Lines) -> Array:
+    """(K, 2, 2) covariance of (offset, angle) of stretches of a wall that is not quite flat."""
+    out = np.zeros((len(lines), 2, 2))
+    out[:, 0, 0] = FLATNESS**2
+    out[:, 1, 1] = (FLATNESS / np.maximum(lines.half, FLATNESS)) ** 2
+    return out
+
+
+def _pose_covariance(lever: Array, across: Array | float, heading: Array | float) -> Array:
+    """Covariance (..., 2, 2) of (offset, angle) of a line `lever` m along itself from a pose of that uncertainty."""
+    mixed = lever * heading
+    off = across + lever * mixed
+    return np.stack([np.stack([off, mixed], -1), np.stack([mixed, np.broadcast_to(heading, off.shape)], -1)], -2)
+
+
+def _nearest(difference: Difference, spread: Array) -> Ints:
+    """Label (K,) of the wall with the smallest Mahalanobis distance among those touched, NONE beyond the gate."""
+    distance = squared_distance(difference.offset, difference.angle, spread)
+    distance[(difference.gap > REACH) | (np.abs(difference.angle) > MAX_TURN)] = np.inf
+    best = np.argmin(distance, axis=1)
+    return np.where(distance[np.arange(len(best)), best] <= GATE, best, NONE)

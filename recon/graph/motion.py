@@ -1,0 +1,83 @@
+"""Relative motion between consecutive scans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array
+from recon.graph.observation import WallObservations
+
+LEAST = 1e-3
+"""Part of a match's information that always stays, so that the chain of poses never breaks."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """N-1 measured motions between consecutive scans.
+
+    relative: (N-1, 3) pose [x, y, yaw] of the later scan in the platform frame of the earlier one.
+    covariance: (N-1, 3, 3) of those numbers, m and rad.
+    """
+
+    relative: Array
+    covariance: Array
+
+    def __len__(self) -> int:
+        return len(self.relative)
+
+
+def sqrt_information(relative: Array, information: Array) -> Array:
+    """(N, 3, 3) square roots R, R^T R being the `information` (N, 3, 3) turned into the frame of the measured pose.
+
+    GTSAM takes the error of a between factor in the frame of the measured pose, not in that of the first one.
+    """
+    c, s = np.cos(relative[:, 2]), np.sin(relative[:, 2])
+    turn = np.zeros((len(relative), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, s, -s, c, 1.0
+    turned = turn @ information @ turn.transpose(0, 2, 1)
+    return np.asarray(np.linalg.cholesky((turned + turned.transpose(0, 2, 1)) / 2).transpose(0, 2, 1))
+
+
+def information_beyond_walls(motion: Motion, observations: WallObservations, labels: NDArray[np.int64]) -> Array:
+    """(N-1, 3, 3) information of the matches that the wall segments do not hold already.
+
+    A scan match and the segments of its scan come from the same points. What the later scan's segments say of the
+    motion, against walls that earlier scans saw, is taken away from the match's information; in coordinates in which
+    the match's information is the identity, eigenvalues that become negative are clipped. What stays is what corners,
+    clutter and curved surfaces say: the way along a corridor, mostly.
+    """
+    total = np.linalg.inv(motion.covariance)
+    of_walls = np.zeros_like(total)
+    rows = _seen_before(observations, labels)
+    np.add.at(of_walls, observations.pose[rows] - 1, _segment_information(motion, observations, rows))
+    root = np.linalg.cholesky(total)
+    inverse = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(np.eye(3) - inverse @ of_walls @ inverse.transpose(0, 2, 1))
+    kept = (vectors * np.clip(values, LEAST, 1.0)[:, None]) @ vectors.transpose(0, 2, 1)
+    return np.asarray(root @ kept @ root.transpose(0, 2, 1))
+
+
+def _seen_before(observations: WallObservations, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """LiDAR segments of walls (label >= 0) that an earlier scan saw too."""
+    lidar = np.flatnonzero((labels >= 0) & (observations.image < 0))
+    if not len(lidar):
+        return lidar
+    first = np.full(int(labels.max()) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(first, labels[lidar], observations.pose[lidar])
+    return lidar[observations.pose[lidar] > first[labels[lidar]]]
+
+
+def _segment_information(motion: Motion, observations: WallObservations, rows: NDArray[np.int64]) -> Array:
+    """(n, 3, 3) information that segments `rows` have about the motion into their scan, in the earlier scan's frame."""
+    ends = observations.endpoints[rows]
+    delta = ends[:, 1] - ends[:, 0]
+    direction = delta / np.linalg.norm(delta, axis=1, keepdims=True)
+    angle = np.arctan2(delta[:, 1], delta[:, 0]) + motion.relative[observations.pose[rows] - 1, 2]
+    jacobian = np.zeros((len(rows), 2, 3))
+    jacobian[:, 0, 0], jacobian[:, 0, 1] = -np.sin(angle), np.cos(angle)
+    jacobian[:, 0, 2] = np.sum(ends.mean(axis=1) * direction, axis=1)
+    jacobian[:, 1, 2] = 1.0
+    return np.asarray(jacobian.transpose(0, 2, 1) @ np.linalg.inv(observations.covariance[rows]) @ jacobian)

@@ -1,0 +1,114 @@
+"""Given odometry: its scale, its noise, and the motions between scans that it measures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from recon.geometry import Array, between2, wrap_angle
+from recon.graph.motion import Motion
+from recon.sequence.trajectory import Trajectory
+
+WINDOW = 1.0
+"""m of path (turns count too): odometry is compared with the solved trajectory over pieces of this length."""
+TURN_EFFORT = 0.5
+"""m/rad: a turn on the spot disturbs odometry as much as this way."""
+SCALE_SIGMA = 0.1
+"""Standard deviation of the scale of odometry before anything is measured."""
+MEDIAN_1, MEDIAN_2 = 0.455, 1.386
+"""Medians of chi-square with one and two degrees of freedom."""
+LEAST_POSITION, LEAST_HEADING = 0.005**2, 0.002**2
+"""m^2/m and rad^2/m: no odometry is better than this."""
+DEFAULT_POSITION, DEFAULT_HEADING = 0.05**2, 0.02**2
+"""m^2/m and rad^2/m where there is too little to compare with."""
+JITTER = 0.002
+"""m, and rad: uncertainty of every interpolated step, however short."""
+MIN_WINDOWS = 4
+
+
+@dataclass(frozen=True)
+class OdometryModel:
+    """Motions between scans from odometry, distances multiplied by `scale`.
+
+    relative: (N-1, 3) and covariance: (N-1, 3, 3) as in Motion. inside: (N-1,) bool, whether
+    the odometry's time span holds the step.
+    """
+
+    scale: float
+    motion: Motion
+    inside: Array
+
+
+def fit_odometry(odometry: Trajectory, solved: Trajectory, motion: Motion) -> OdometryModel:
+    """Scale and noise of `odometry` from a trajectory `solved` without it, and the steps that follow.
+
+    Scale and noise alternate: weighted least squares over windows for the one, the medians of the normalised
+    differences for the other. motion: the scan matches, whose covariance says where `solved` is itself weak.
+    """
+    at_scans = odometry.at(solved.timestamps)
+    steps = between2(at_scans[:-1], at_scans[1:])
+    effort = np.hypot(steps[:, 0], steps[:, 1]) + TURN_EFFORT * np.abs(steps[:, 2])
+    start, end = solved.timestamps[:-1], solved.timestamps[1:]
+    inside = (start >= odometry.timestamps[0] - 0.2) & (end <= odometry.timestamps[-1] + 0.2)
+    windows = _windows(effort, inside)
+    scale, position, heading = 1.0, DEFAULT_POSITION, DEFAULT_HEADING
+    if len(windows) >= MIN_WINDOWS:
+        first, last = windows[:, 0], windows[:, 1]
+        said = between2(at_scans[first], at_scans[last])
+        true = between2(solved.poses[first], solved.poses[last])
+        way = np.concatenate([[0.0], np.cumsum(effort)])
+        spread = _chain(motion, solved.poses, first, last)
+        scale, position, heading = _alternate(said, true, way[last] - way[first], spread)
+    return OdometryModel(scale, _motion(steps, effort, scale, position, heading), inside)
+
+
+def _windows(effort: Array, inside: Array) -> Array:
+    """(W, 2) first and last scan of neighbouring windows, WINDOW metres of effort each, wholly inside."""
+    way = np.concatenate([[0.0], np.cumsum(effort)])
+    cuts = np.unique(np.searchsorted(way, np.arange(0.0, way[-1] + 1e-9, WINDOW)))
+    windows = np.stack([cuts[:-1], cuts[1:]], axis=1)
+    whole = [bool(np.all(inside[a:b])) for a, b in windows]
+    return windows[np.array(whole, dtype=bool)]
+
+
+def _chain(motion: Motion, poses: Array, first: Array, last: Array) -> Array:
+    """(W, 2, 2) covariance of position over each window from the scan matches, in the frame of its first scan."""
+    yaw = poses[:, 2]
+
+    def turned(matrix: Array, angle: Array) -> Array:
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+        return np.asarray(turn @ matrix @ turn.transpose(0, 2, 1))
+
+    steps = turned(motion.covariance[:, :2, :2], yaw[:-1])
+    total = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(steps, axis=0)])
+    return turned(total[last] - total[first], -yaw[first])
+
+
+def _alternate(said: Array, true: Array, way: Array, spread: Array) -> tuple[float, float, float]:
+    """Scale, and variance of position (m^2/m) and heading (rad^2/m), from windows said and true."""
+    heading = max(LEAST_HEADING, float(np.median(wrap_angle(true[:, 2] - said[:, 2]) ** 2 / way)) / MEDIAN_1)
+    # the better half of the windows tells the noise
+    variance = np.trace(spread, axis1=1, axis2=2)
+    sure = variance <= np.median(variance)
+    scale, position = 1.0, DEFAULT_POSITION
+    for _ in range(10):
+        rest = true[:, :2] - scale * said[:, :2]
+        information = np.linalg.inv(spread + (position * way)[:, None, None] * np.eye(2))
+        weight = 1 / (1 + np.einsum("wi,wij,wj->w", rest, information, rest) / 9)
+        information *= weight[:, None, None]
+        top = np.einsum("wi,wij,wj->", said[:, :2], information, true[:, :2]) + 1 / SCALE_SIGMA**2
+        bottom = np.einsum("wi,wij,wj->", said[:, :2], information, said[:, :2]) + 1 / SCALE_SIGMA**2
+        scale = float(top / bottom)
+        rest = true[:, :2] - scale * said[:, :2]
+        position = max(LEAST_POSITION, float(np.median(np.sum(rest**2, axis=1)[sure] / way[sure])) / MEDIAN_2)
+    return scale, position, heading
+
+
+def _motion(steps: Array, effort: Array, scale: float, position: float, heading: float) -> Motion:
+    relative = steps * np.array([scale, scale, 1.0])
+    covariance = np.zeros((len(steps), 3, 3))
+    covariance[:, 0, 0] = covariance[:, 1, 1] = position * effort + JITTER**2
+    covariance[:, 2, 2] = heading * effort + JITTER**2
+    return Motion(relative, covariance)

@@ -1,0 +1,76 @@
+"""Solving the factor graph."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from recon.geometry import Array, between2, wrap_angle
+from recon.graph.covariance import JointCovariance
+from recon.graph.line import Lines, squared_distance
+from recon.graph.problem import Graph, Problem, build
+
+MAX_ITERATIONS = 30
+EXPECTED = 2 * (1 - np.exp(-4.5))
+"""Mean of chi-square with two degrees of freedom, clipped at 9."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """poses: (N, 3). walls: (W, 3). angles: (A,) of the axes, rad. covariance: of all of them, in this order."""
+
+    poses: Array
+    walls: Array
+    covariance: JointCovariance
+    graph: Graph
+
+
+def optimise(problem: Problem, redescending: bool) -> Solution:
+    """Levenberg-Marquardt from the problem's start."""
+    import gtsam
+
+    graph = build(problem, redescending)
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setMaxIterations(MAX_ITERATIONS)
+    parameters.setRelativeErrorTol(1e-6)
+    parameters.setlambdaInitial(1e-6)
+    values = gtsam.LevenbergMarquardtOptimizer(graph.factors, graph.initial, parameters).optimize()
+    poses = gtsam.utilities.extractPose2(values)
+    covariance = JointCovariance(graph.factors.linearize(values), graph.variables)
+    split = len(problem.poses)
+    return Solution(poses[:split], poses[split : split + len(problem.walls)], covariance, graph)
+
+
+def wall_residuals(problem: Problem, solution: Solution) -> Array:
+    """(K,) squared Mahalanobis distance of every observation to its wall."""
+    lines = Lines.of_observations(problem.observations, solution.poses)
+    wall = solution.walls[problem.labels]
+    delta = lines.middle - wall[:, :2]
+    offset = -delta[:, 0] * np.sin(wall[:, 2]) + delta[:, 1] * np.cos(wall[:, 2])
+    return squared_distance(offset, wrap_angle(lines.angle - wall[:, 2]), lines.covariance)
+
+
+def variance_factor(problem: Problem, solution: Solution, kind: str) -> float:
+    """How much larger the squared errors of "lidar" or "image" observations are than their covariances say.
+
+    The variance component of adjustment theory: squared residuals over the redundancy, robust by clipping at 3 sigma.
+    """
+    chosen = problem.observations.image >= 0 if kind == "image" else problem.observations.image < 0
+    squared = wall_residuals(problem, solution)[chosen]
+    rows = (3 * solution.graph.rows[kind][:, None] + np.arange(3)).reshape(-1)
+    redundancy = 2 * len(squared) - solution.covariance.leverage(rows)
+    if redundancy < 20:
+        return 1.0
+    factor = 1.0
+    for _ in range(10):  # the clip moves with the factor
+        clipped = np.minimum(squared / factor, 9.0).sum() / EXPECTED * 2 / redundancy
+        factor *= float(clipped)
+    return float(np.clip(factor, 0.02, 100.0))
+
+
+def motion_residuals(relative: Array, covariance: Array, poses: Array) -> Array:
+    """(N-1,) squared Mahalanobis distance of measured motions to the solved ones."""
+    off = between2(poses[:-1], poses[1:]) - relative
+    off[:, 2] = wrap_angle(off[:, 2])
+    return np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance), off)

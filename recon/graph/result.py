@@ -1,0 +1,119 @@
+"""The solved graph as a MapEstimate: stretches, standard deviations, residuals."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, wrap_angle
+from recon.graph.association import GATE
+from recon.graph.estimate import MapEstimate, WallLine
+from recon.graph.intervals import supported
+from recon.graph.line import Difference, Lines, carry
+from recon.graph.observation import WallObservations
+from recon.graph.optimise import Solution, motion_residuals, wall_residuals
+from recon.graph.problem import Problem
+from recon.model import Source
+from recon.sequence.trajectory import Trajectory
+
+Ints = NDArray[np.int64]
+
+LEAST_SIGHTINGS = 3
+"""Scans, or images, that must see a wall."""
+SHADOW = 0.12
+"""m: of two parallel faces closer than this, seen along the same stretch from the same side, one is not there."""
+
+
+def sightings(labels: Ints, observations: WallObservations, walls: int, scans: int) -> tuple[Ints, Ints]:
+    """How many different scans and images (both (W,)) see each wall; observations labelled -1 count for none."""
+    counts = []
+    for seen, stamp in ((observations.image < 0, observations.pose), (observations.image >= 0, observations.image)):
+        rows = np.flatnonzero(seen & (labels >= 0))
+        pairs = np.unique(np.stack([labels[rows], stamp[rows]], axis=1), axis=0)
+        counts.append(np.bincount(pairs[:, 0], minlength=walls))
+    return counts[0], counts[1]
+
+
+def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> MapEstimate:
+    """What the solution says, walls with too few sightings or no stretch left out."""
+    poses = solution.poses
+    fits = wall_residuals(problem, solution) <= GATE
+    labels = np.where(fits, problem.labels, -1)
+    scans, images = sightings(labels, problem.observations, len(solution.walls), len(poses))
+    blocks = solution.covariance.blocks(len(poses) + np.arange(len(solution.walls)))
+    need = min(LEAST_SIGHTINGS, len(poses))
+    walls = []
+    for number in np.flatnonzero((scans >= need) | (images >= LEAST_SIGHTINGS)):
+        rows = np.flatnonzero(labels == number)
+        intervals = _intervals(problem.observations, rows, poses, solution.walls[number])
+        if len(intervals):
+            source: Source = "lidar" if scans[number] >= need else "image"
+            seen = int(scans[number] + images[number])
+            walls.append(_wall(solution.walls[number], blocks[number], intervals, source, seen))
+    scale = None if problem.odometry is None else problem.odometry.scale
+    return MapEstimate(
+        Trajectory(np.asarray(timestamps, dtype=np.float64), poses),
+        pose_sigmas(solution),
+        tuple(w for w in walls if not _shadowed(w, walls)),
+        scale,
+        residuals(problem, solution),
+    )
+
+
+def _intervals(observations: WallObservations, rows: Ints, poses: Array, wall: Array) -> Array:
+    """(K, 2) supported stretches along `wall` (3,)."""
+    some = WallObservations(
+        observations.pose[rows], observations.endpoints[rows], observations.covariance[rows], observations.image[rows]
+    )
+    lines = Lines.of_observations(some, poses)
+    line = Lines(wall[None, :2], wall[None, 2], np.zeros(1), np.zeros((1, 2, 2)))
+    return supported(Difference.between(lines, line).along[:, 0], lines.half, some.image, LEAST_SIGHTINGS)
+
+
+def _wall(pose: Array, covariance: Array, intervals: Array, source: Source, seen: int) -> WallLine:
+    """The wall with its origin in the middle of its stretches."""
+    middle = (intervals[0, 0] + intervals[-1, 1]) / 2
+    x, y, yaw = pose
+    moved = np.array([x + middle * np.cos(yaw), y + middle * np.sin(yaw), float(wrap_angle(yaw))])
+    spread = carry(covariance[1:, 1:], np.asarray(middle))
+    sigma_offset, sigma_angle = np.sqrt(np.diag(spread))
+    return WallLine(moved, intervals - middle, float(sigma_offset), float(sigma_angle), source, seen)
+
+
+def pose_sigmas(solution: Solution) -> Array:
+    """(N, 3) standard deviations of x, y (m, along the map's axes) and yaw (rad), relative to the first pose."""
+    blocks = solution.covariance.blocks(np.arange(len(solution.poses)))
+    c, s = np.cos(solution.poses[:, 2]), np.sin(solution.poses[:, 2])
+    turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    position = turn @ blocks[:, :2, :2] @ turn.transpose(0, 2, 1)
+    variance = np.stack([position[:, 0, 0], position[:, 1, 1], blocks[:, 2, 2]], axis=1)
+    return np.sqrt(np.maximum(variance, 0))
+
+
+def residuals(problem: Problem, solution: Solution) -> dict[str, float]:
+    """Root mean square normalised residual, per degree of freedom, by kind of factor."""
+    squared = wall_residuals(problem, solution)
+    image = problem.observations.image >= 0
+    kinds = {"lidar": (squared[~image], 2), "image": (squared[image], 2)}
+    motions = {"motion": problem.motion}
+    if problem.odometry is not None:
+        motions["odometry"] = problem.odometry.motion
+    for name, motion in motions.items():
+        kinds[name] = (motion_residuals(motion.relative, motion.covariance, solution.poses), 3)
+    return {name: float(np.sqrt(np.mean(d) / dof)) for name, (d, dof) in kinds.items() if len(d)}
+
+
+def _shadowed(wall: WallLine, walls: list[WallLine]) -> bool:
+    """Whether a wall seen far more often runs just before or behind this one along most of its length."""
+    length = float(np.diff(wall.intervals, axis=1).sum())
+    for other in walls:
+        turn = float(wrap_angle(wall.pose[2] - other.pose[2]))
+        offset = float((wall.pose[:2] - other.pose[:2]) @ other.normal)
+        if other.observations <= 2 * wall.observations or abs(turn) > 0.15 or abs(offset) > SHADOW:
+            continue
+        along = float((wall.pose[:2] - other.pose[:2]) @ other.direction)
+        low = np.maximum.outer(wall.intervals[:, 0] + along, other.intervals[:, 0])
+        high = np.minimum.outer(wall.intervals[:, 1] + along, other.intervals[:, 1])
+        if np.maximum(high - low, 0).sum() > 0.5 * length:
+            return True
+    return False

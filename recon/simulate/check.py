@@ -9,7 +9,7 @@ import numpy as np
 from recon.errors import InputError
 from recon.geometry import Array
 from recon.simulate.drive import drive_path
-from recon.simulate.openings import LEAF_THICKNESS, Niche, edge, niches
+from recon.simulate.openings import LEAF_THICKNESS, Niche, edge, opening_niches
 from recon.simulate.plan import Plan, PlanObject
 from recon.simulate.schema import check_ranges
 
@@ -120,26 +120,39 @@ def _check_rooms(plan: Plan) -> None:
                 )
 
 
-def _check_openings(plan: Plan) -> list[Niche]:
-    for i, opening in enumerate(plan.openings):
-        if not 0 <= opening.room < len(plan.rooms):
-            raise InputError(f"plan.openings[{i}].room: there is no room {opening.room}, rooms count from 0")
-        room = plan.rooms[opening.room]
-        if not 0 <= opening.wall < len(room.polygon):
-            raise InputError(f"plan.openings[{i}].wall: room {opening.room} has no edge {opening.wall}")
-        length = float(np.linalg.norm(np.subtract(*edge(plan, opening.room, opening.wall))))
-        if opening.offset + opening.width > length + 1e-6:
-            raise InputError(
-                f"plan.openings[{i}]: ends {opening.offset + opening.width:g} m along a wall of {length:g} m"
-            )
-        if opening.type != "window" and opening.bottom != 0.0:
-            raise InputError(
-                f"plan.openings[{i}].bottom: a {opening.type} starts at the floor, not at {opening.bottom:g}"
-            )
-    found = niches(plan)
+def checked_niches(plan: Plan, index: int) -> list[Niche]:
+    """The niches of one opening; raises InputError where it does not fit its wall or what is behind it."""
+    opening, where = plan.openings[index], f"plan.openings[{index}]"
+    if not 0 <= opening.room < len(plan.rooms):
+        raise InputError(f"{where}.room: there is no room {opening.room}, rooms count from 0")
+    if not 0 <= opening.wall < len(plan.rooms[opening.room].polygon):
+        raise InputError(f"{where}.wall: room {opening.room} has no edge {opening.wall}")
+    length = float(np.linalg.norm(np.subtract(*edge(plan, opening.room, opening.wall))))
+    if opening.offset + opening.width > length + 1e-6:
+        raise InputError(f"{where}: ends {opening.offset + opening.width:g} m along a wall of {length:g} m")
+    if opening.type != "window" and opening.bottom != 0.0:
+        raise InputError(f"{where}.bottom: a {opening.type} starts at the floor, not at {opening.bottom:g}")
+    found = opening_niches(plan, index)
     for niche in found:
         _check_niche(plan, niche)
-    _check_overlaps(plan, found)
+    return found
+
+
+def overlapping(a: Niche, b: Niche) -> bool:
+    """Whether two niches take the same part of the same wall."""
+    along = (a.front[1] - a.front[0]) / np.linalg.norm(a.front[1] - a.front[0])
+    (a0, a1), (b0, b1) = a.front @ along, b.front @ along
+    return bool(a.wall == b.wall and max(a0, b0) < min(a1, b1) - 1e-6)
+
+
+def _check_openings(plan: Plan) -> list[Niche]:
+    found: list[Niche] = []
+    for index in range(len(plan.openings)):
+        for niche in checked_niches(plan, index):
+            for other in found:
+                if overlapping(niche, other):
+                    raise InputError(f"plan.openings[{index}]: overlaps openings[{other.opening}] in the same wall")
+            found.append(niche)
     return found
 
 
@@ -154,17 +167,6 @@ def _check_niche(plan: Plan, niche: Niche) -> None:
     for j, room in enumerate(plan.rooms):
         if hole.area > 0 and hole.intersection(Polygon(room.polygon)).area > 1e-6:
             raise InputError(f"{where}: its recess reaches into rooms[{j}]; a thicker wall is expected")
-
-
-def _check_overlaps(plan: Plan, found: list[Niche]) -> None:
-    for i, a in enumerate(found):
-        for b in found[:i]:
-            if a.wall != b.wall:
-                continue
-            along = (a.front[1] - a.front[0]) / np.linalg.norm(a.front[1] - a.front[0])
-            (a0, a1), (b0, b1) = a.front @ along, b.front @ along
-            if max(a0, b0) < min(a1, b1) - 1e-6:
-                raise InputError(f"plan.openings[{a.opening}]: overlaps openings[{b.opening}] in the same wall")
 
 
 def _check_objects(plan: Plan, found: list[Niche]) -> None:

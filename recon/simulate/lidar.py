@@ -42,7 +42,7 @@ def cut(building: Building, height: float) -> Slice:
 
 
 def cast(scene: Slice, origins: Array, directions: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Distances (N,) m and indices (N,) of the segments hit from origins along unit directions (N, 2); inf, -1: none."""
+    """Distances (N,) m and indices (N,) of the segments hit along unit directions (N, 2); inf and -1 where none is."""
     from recon.simulate.kernels import cast_segments
 
     distance, index = cast_segments(scene.segments, np.ascontiguousarray(origins), np.ascontiguousarray(directions))
@@ -88,7 +88,7 @@ def _measure(exact: Array, settings: PlanLidar, rng: np.random.Generator) -> NDA
         jump = np.isfinite(exact) & np.isfinite(after) & (np.abs(after - exact) > JUMP)
     jump &= rng.random(exact.shape) < settings.mixed
     share = rng.random(exact.shape)
-    ranges[jump] = (exact + share * (np.where(jump, after, exact) - exact))[jump]
+    ranges[jump] = exact[jump] + share[jump] * (after[jump] - exact[jump])
     outlier = np.isfinite(ranges) & (rng.random(exact.shape) < settings.outlier)
     ranges[outlier] *= rng.random(exact.shape)[outlier]
     ranges[rng.random(exact.shape) < settings.dropout] = np.inf

@@ -54,10 +54,11 @@ def niches(plan: Plan) -> list[Niche]:
 
     Raises InputError where a passage or open door leads nowhere, a window into a room, or the wall behind is too short.
     """
-    return [niche for index in range(len(plan.openings)) for niche in _resolve(plan, index)]
+    return [niche for index in range(len(plan.openings)) for niche in opening_niches(plan, index)]
 
 
-def _resolve(plan: Plan, index: int) -> list[Niche]:
+def opening_niches(plan: Plan, index: int) -> list[Niche]:
+    """`niches` of one opening."""
     opening = plan.openings[index]
     start, end = edge(plan, opening.room, opening.wall)
     along = (end - start) / np.linalg.norm(end - start)

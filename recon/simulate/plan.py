@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from recon.errors import InputError
 from recon.files import atomic_path, read_text
+from recon.sequence.camera import DistortionModel
 from recon.simulate.schema import from_dict, number, to_dict
 
 Point = tuple[float, float]
@@ -85,7 +86,7 @@ class PlanCamera:
     fy: float = number(500.0, 30.0, 10000.0)
     cx: float | None = None
     cy: float | None = None
-    distortion_model: Literal["plumb_bob", "rational_polynomial", "equidistant"] = "plumb_bob"
+    distortion_model: DistortionModel = "plumb_bob"
     distortion: tuple[float, ...] = (-0.08, 0.03, 0.0005, -0.0004, 0.0)
     x: float = number(0.10, -2.0, 2.0)
     y: float = number(0.03, -2.0, 2.0)

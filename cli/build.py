@@ -77,6 +77,9 @@ def _build(drive: Sequence, config: Config, folder: Path, outputs: tuple[Path, .
         save_result(result, folder)
         for path in outputs:
             export(result.model, path)
+    for message in result.warnings:
+        if message not in drive.warnings:  # those were said at the start
+            warn(message, quiet)
     if not quiet:
         for line in summary(result.model, folder, outputs):
             click.echo(line)

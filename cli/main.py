@@ -43,7 +43,7 @@ def main() -> None:
     """Entry point. Exit status: 0, 2 for bad input or usage, 130 after Ctrl-C; bugs keep their traceback."""
     signal.signal(signal.SIGTERM, _terminate)
     try:
-        recon.main(standalone_mode=False)
+        recon.main(prog_name="recon", standalone_mode=False)
     except ReconError as error:
         _fail(str(error))
     except click.ClickException as error:

@@ -19,10 +19,15 @@ def terminal_progress(quiet: bool) -> Progress:
     """Silent, bars or plain lines, as asked and as standard error allows."""
     if quiet:
         return SILENT
-    return BarProgress() if sys.stderr.isatty() else PlainProgress()
+    if not sys.stderr.isatty():
+        return PlainProgress()
+    from recon.cli.bars import BarProgress
+
+    return BarProgress()
 
 
-def _done(name: str, count: int, unit: str, seconds: float) -> str:
+def done_line(name: str, count: int, unit: str, seconds: float) -> str:
+    """How a stage went: its units, seconds and rate."""
     if count == 0:
         return f"{name}: {seconds:.1f} s"
     rate = f", {count / seconds:.0f}/s" if seconds > 0.05 else ""
@@ -51,32 +56,4 @@ class PlainProgress:
         """A stage that says how it went when it is done."""
         stage = _PlainStage(name, total, unit)
         yield stage
-        click.echo(_done(name, stage.count, unit, time.monotonic() - stage.start), err=True)
-
-
-class _BarStage:
-    def __init__(self, bars: object, task: object) -> None:
-        self.bars, self.task, self.count = bars, task, 0
-
-    def advance(self, count: int = 1) -> None:
-        self.count += count
-        self.bars.advance(self.task, count)  # type: ignore[attr-defined]
-
-
-class BarProgress:
-    """A bar with the rate while a stage works, a line when it is done."""
-
-    @contextmanager
-    def stage(self, name: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
-        """A stage with a bar."""
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
-        from rich.progress import Progress as RichProgress
-
-        counts = [BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[unit]} {task.speed:.0f}/s")]
-        columns = [SpinnerColumn(), TextColumn("{task.description}"), *(counts if total else []), TimeElapsedColumn()]
-        start = time.monotonic()
-        with RichProgress(*columns, console=Console(stderr=True), transient=True) as bars:
-            stage = _BarStage(bars, bars.add_task(name, total=total, unit=unit))
-            yield stage
-        click.echo(_done(name, stage.count, unit, time.monotonic() - start), err=True)
+        click.echo(done_line(name, stage.count, unit, time.monotonic() - stage.start), err=True)

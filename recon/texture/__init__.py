@@ -1,1 +1,5 @@
-"""Faces, view choice, rectification, blending, filling."""
+"""Pictures of faces from images: view choice, rectification, exposure, blending, filling."""
+
+from recon.texture.texture import texture_faces
+
+__all__ = ["texture_faces"]

@@ -1,0 +1,120 @@
+"""What most views of a block agree on: clutter in front of a face stands out, and shine and shade are evened out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array
+from recon.texture.candidates import KEPT, Candidates
+
+MIN_VIEWS = 4
+"""Fewer views cannot outvote one that is wrong."""
+CLUTTER_FROM, CLUTTER_TO, CLUTTER_COST = 22.0, 60.0, 4.0
+"""Levels (0 to 255) by which a patch differs where its cost starts and where it is full, and that cost in octaves."""
+CORRECTION = 0.35
+"""Largest correction, logarithm."""
+REACH = 6.0
+"""Blocks: standard deviation of the smoothing of corrections."""
+
+
+@dataclass(frozen=True)
+class Consensus:
+    """Of n blocks: colour (n, 3), 0 to 255, the median of views; count (n,) of views; deviation (n, KEPT) from it."""
+
+    colour: NDArray[np.float32]
+    count: NDArray[np.int64]
+    deviation: NDArray[np.float32]
+
+
+def agree(candidates: Candidates, gains: Array) -> Consensus:
+    """The median colour of each block's views, channel by channel, exposure compensated."""
+    known = candidates.view >= 0
+    colours = candidates.colour * gains.astype(np.float32)[np.maximum(candidates.view, 0)]
+    colours[~known] = np.inf
+    count = known.sum(axis=1)
+    ranked = np.sort(colours, axis=1)
+    rows = np.arange(len(ranked))
+    low, high = ranked[rows, np.maximum(count - 1, 0) // 2], ranked[rows, np.minimum(count // 2, KEPT - 1)]
+    median = np.where(count[:, None] > 0, 0.5 * (low + high), 0).astype(np.float32)
+    colours[~known] = 0
+    deviation = np.abs(colours - median[:, None]).max(axis=2)
+    deviation[~known] = 0
+    return Consensus(median, count, np.minimum(deviation, 255))
+
+
+def clutter_cost(candidates: Candidates, consensus: Consensus, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Octaves (n, KEPT) on views that show something in front of the face.
+
+    Only patches at least three blocks wide count: what is thinner is an edge that images place a little differently.
+    """
+    out = np.zeros(candidates.cost.shape, np.float32)
+    for block, slot in candidates.by_view().values():
+        window = Window.around(block, shape)
+        grid = window.scatter(block, consensus.deviation[block, slot], np.inf)
+        core = window.gather(cv2.erode(grid, np.ones((3, 3), np.uint8)), block)
+        share = np.clip((core - CLUTTER_FROM) / (CLUTTER_TO - CLUTTER_FROM), 0, 1)
+        out[block, slot] = np.where(consensus.count[block] >= MIN_VIEWS, CLUTTER_COST * share, 0)
+    return out
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle of blocks, rows top to before bottom, columns left to before right, of a grid `columns` wide."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+    columns: int
+
+    @staticmethod
+    def around(block: NDArray[np.int64], shape: tuple[int, int]) -> Window:
+        """The smallest that holds these blocks."""
+        row, column = np.divmod(block, shape[1])
+        return Window(int(row.min()), int(row.max()) + 1, int(column.min()), int(column.max()) + 1, shape[1])
+
+    def _place(self, block: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        row, column = np.divmod(block, self.columns)
+        return row - self.top, column - self.left
+
+    def scatter(self, block: NDArray[np.int64], values: NDArray[np.float32], empty: float) -> NDArray[np.float32]:
+        """A grid with `values` (n, ...) at the blocks and `empty` elsewhere."""
+        grid = np.full((self.bottom - self.top, self.right - self.left, *values.shape[1:]), empty, np.float32)
+        grid[self._place(block)] = values
+        return grid
+
+    def gather(self, grid: NDArray[np.float32], block: NDArray[np.int64]) -> NDArray[np.float32]:
+        """The grid's values at the blocks."""
+        return np.asarray(grid[self._place(block)])
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Logarithm (rows, columns, 3) to add to a view's colours on a face so that shine and shade agree with the rest."""
+
+    window: Window
+    log: NDArray[np.float32]
+
+    def at(self, rows: tuple[int, int], columns: tuple[int, int]) -> NDArray[np.float32]:
+        """Values (r + 2, c + 2, 3) at `Canvas.nodes`; held beyond the window."""
+        r = np.clip(np.arange(rows[0] - 1, rows[1] + 1) - self.window.top, 0, self.log.shape[0] - 1)
+        c = np.clip(np.arange(columns[0] - 1, columns[1] + 1) - self.window.left, 0, self.log.shape[1] - 1)
+        return np.asarray(self.log[np.ix_(r, c)])
+
+
+def correct(
+    candidates: Candidates, consensus: Consensus, gain: Array, seen: tuple[Array, Array], shape: tuple[int, int]
+) -> Correction:
+    """The smooth difference between the consensus and one view (its gain (3,), and its blocks and slots `seen`)."""
+    block, slot = seen
+    own = np.log(candidates.colour[block, slot] * gain.astype(np.float32) + 4.0)
+    log = np.clip(np.log(consensus.colour[block] + 4.0) - own, -CORRECTION, CORRECTION)
+    weight = (consensus.count[block] >= MIN_VIEWS).astype(np.float32) + np.float32(1e-3)
+    window = Window.around(block, shape)
+    total = window.scatter(block, np.column_stack([log * weight[:, None], weight]), 0.0)
+    smooth = cv2.GaussianBlur(total, (0, 0), REACH, borderType=cv2.BORDER_CONSTANT)
+    return Correction(window, np.asarray(smooth[..., :3] / np.maximum(smooth[..., 3:], 1e-6), dtype=np.float32))

@@ -1,0 +1,144 @@
+"""The picture of a face from the views chosen for its blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, Pose3
+from recon.texture.canvas import BLOCK, Canvas, enlarge
+from recon.texture.consensus import Correction
+from recon.texture.fill import push_pull
+from recon.texture.labelling import Views
+from recon.texture.view import Image, Lens, at_level, level_of, pyramid
+
+TILE = 64
+"""Blocks a side of what is worked on at a time."""
+FEATHER = 2.5
+"""How steeply one view gives way to the next: the blend is BLOCK / FEATHER texels wide."""
+
+Range = tuple[int, int]
+Grid = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """An image as a source of colours. gain: (3,) on its channels; level: index into the pyramid to read from."""
+
+    map_from_camera: Pose3
+    gain: Array
+    correction: Correction
+    level: int
+
+
+def render(
+    canvas: Canvas, choice: Views, shots: dict[int, Shot], lens: Lens, load: Callable[[int], Image | None]
+) -> tuple[Image, float]:
+    """Picture (height, width, 3) BGR and the share of the face's texels that an image saw.
+
+    choice: view of every block, -1 unseen; what is unseen is filled from around it.
+    """
+    rows, columns = canvas.blocks
+    picture = np.zeros((rows * BLOCK, columns * BLOCK, 3), np.uint8)
+    alpha = np.zeros((rows * BLOCK, columns * BLOCK), np.uint8)
+    padded = np.pad(choice, 1, mode="edge")
+    for tile_rows, tile_columns in _tiles(rows, columns):
+        texels = (_texels(tile_rows), _texels(tile_columns))
+        picture[texels], alpha[texels] = _tile(canvas, padded, (tile_rows, tile_columns), shots, lens, load)
+    inside = canvas.inside()
+    seen = float(np.count_nonzero(inside & (alpha[: canvas.height, : canvas.width] >= 128)) / max(inside.sum(), 1))
+    alpha[: canvas.height, : canvas.width] *= inside
+    _fill(picture, alpha)
+    return np.ascontiguousarray(picture[: canvas.height, : canvas.width]), seen
+
+
+def _tiles(rows: int, columns: int) -> Iterator[tuple[Range, Range]]:
+    for top in range(0, rows, TILE):
+        for left in range(0, columns, TILE):
+            yield (top, min(top + TILE, rows)), (left, min(left + TILE, columns))
+
+
+def _texels(blocks: Range) -> slice:
+    return slice(blocks[0] * BLOCK, blocks[1] * BLOCK)
+
+
+def _tile(
+    canvas: Canvas,
+    padded: Views,
+    tile: tuple[Range, Range],
+    shots: dict[int, Shot],
+    lens: Lens,
+    load: Callable[[int], Image | None],
+) -> tuple[Image, Image]:
+    """Colours and alpha of the blocks of a tile. padded: the views of all blocks with one ring around them."""
+    (top, bottom), (left, right) = tile
+    views = padded[top : bottom + 2, left : right + 2]
+    total = np.zeros(((bottom - top) * BLOCK, (right - left) * BLOCK, 4), np.float32)
+    for view in np.unique(views[views >= 0]):
+        shot, image = shots[int(view)], load(int(view))
+        if image is None:
+            continue
+        mine = views == view
+        r, c = _extent(mine.any(axis=1), top), _extent(mine.any(axis=0), left)
+        r, c = (max(r[0], top), min(r[1], bottom)), (max(c[0], left), min(c[1], right))
+        weight = enlarge(mine[r[0] - top : r[1] - top + 2, c[0] - left : c[1] - left + 2].astype(np.float32))
+        weight = np.clip(FEATHER * (weight - 0.5) + 0.5, 0, 1)
+        colour, valid = _project(canvas, r, c, shot, lens, image)
+        place = slice((r[0] - top) * BLOCK, (r[1] - top) * BLOCK), slice((c[0] - left) * BLOCK, (c[1] - left) * BLOCK)
+        weight *= valid
+        total[place][..., :3] += colour * weight[..., None]
+        total[place][..., 3] += weight
+    alpha = total[..., 3]
+    colour = total[..., :3] / np.maximum(alpha, 1e-6)[..., None]
+    return _to_uint8(colour), _to_uint8(np.minimum(alpha, 1) * 255)
+
+
+def _extent(any_in: NDArray[np.bool_], start: int) -> Range:
+    """First and last + 1 block whose ring touches; `any_in` has one ring before `start`."""
+    found = np.flatnonzero(any_in)
+    return int(found[0]) - 2 + start, int(found[-1]) + 1 + start
+
+
+def _project(canvas: Canvas, rows: Range, columns: Range, shot: Shot, lens: Lens, image: Image) -> tuple[Grid, Grid]:
+    """Colours (h, w, 3), exposure compensated, and validity (h, w) of the texels of some blocks in one image."""
+    nodes = canvas.nodes(rows, columns)
+    local = shot.map_from_camera.inverse().apply(nodes.reshape(-1, 3))
+    pixels = enlarge(lens.project(local).reshape(*nodes.shape[:2], 2).astype(np.float32))
+    inside = (pixels >= 0).all(axis=2) & (pixels[..., 0] <= image.shape[1] - 1) & (pixels[..., 1] <= image.shape[0] - 1)
+    source = pyramid(image, shot.level + 1)[-1]
+    at = at_level(np.where(inside[..., None], pixels, 0), image, source)
+    colour = cv2.remap(source, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    factor = enlarge(np.exp(shot.correction.at(rows, columns) + np.log(shot.gain).astype(np.float32)))
+    return np.asarray(colour * factor), inside.astype(np.float32)
+
+
+def best_level(footprint: Sequence[float] | Array) -> int:
+    """Pyramid level for texels with these footprints, pixels: never one that loses what half of the texels could show."""
+    return int(level_of(float(np.median(footprint)) / 1.4, 16))
+
+
+def _to_uint8(values: Grid) -> Image:
+    return np.clip(np.round(values), 0, 255).astype(np.uint8)
+
+
+def _fill(picture: Image, alpha: Image) -> None:
+    """Gives the unseen texels of the picture, in place, the smooth continuation of the blocks around them."""
+    if not (alpha < 255).any() or not alpha.any():
+        return
+    rows, columns = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
+    weight = cv2.resize(alpha, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+    known = cv2.bitwise_and(picture, picture, mask=(alpha >= 128).astype(np.uint8))
+    share = cv2.resize((alpha >= 128).astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
+    mean = cv2.resize(known, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32)
+    smooth = push_pull(mean / np.maximum(share, 1e-3)[..., None], np.where(share > 0.1, np.maximum(weight, share), 0))
+    padded = np.pad(smooth, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    for (top, bottom), (left, right) in _tiles(rows, columns):
+        place = _texels((top, bottom)), _texels((left, right))
+        own = alpha[place].astype(np.float32)[..., None] / 255
+        if (own < 1).any():
+            below = enlarge(padded[top : bottom + 2, left : right + 2])
+            picture[place] = _to_uint8(picture[place] * own + below * (1 - own))

@@ -1,0 +1,135 @@
+"""What every image sees of every face."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, Pose3
+from recon.model import Face
+from recon.progress import Stage
+from recon.raycast import RayScene
+from recon.texture.candidates import Candidates, view_cost
+from recon.texture.canvas import BLOCK, Canvas, Plane
+from recon.texture.gains import ExposureSamples
+from recon.texture.ordered import ordered_map
+from recon.texture.view import Image, Lens, Sight, look, pyramid, sample
+
+TOLERANCE = 0.05
+"""m: a ray that ends this much before a point has still met it (corners, walls that stand a little before their place)."""
+EXPOSURE_STRIDE = 4
+"""Blocks between the points that exposure is compared at."""
+MIN_STEP, MIN_TURN = 0.10, np.deg2rad(4.0)
+"""m, rad: an image nearer than both to the last one used shows nothing new."""
+PROBES = 24
+"""Points a side at which resolution is probed."""
+DETAIL = 0.7
+"""Texels a side of what one pixel covers: finer would show nothing more."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The camera, its pose at every image (None: not known) and the surfaces that hide one another."""
+
+    lens: Lens
+    poses: Sequence[Pose3 | None]
+    scene: RayScene
+
+
+def useful_images(poses: Sequence[Pose3 | None]) -> list[int]:
+    """Images with a pose, less those taken where the one before was."""
+    out: list[int] = []
+    last: Pose3 | None = None
+    for i, pose in enumerate(poses):
+        if pose is None:
+            continue
+        if last is not None:
+            step = float(np.linalg.norm(pose.translation - last.translation))
+            turn = float(np.arccos(np.clip((np.trace(last.rotation.T @ pose.rotation) - 1) / 2, -1, 1)))
+            if step < MIN_STEP and turn < MIN_TURN:
+                continue
+        out.append(i)
+        last = pose
+    return out
+
+
+def best_resolution(rig: Rig, face: Face, images: list[int]) -> float | None:
+    """Metres per texel worth having where the face is seen best (its best tenth); None when no image sees it."""
+    plane = Plane.of(face)
+    counts = [int(np.clip(np.ceil(side / 0.2), 2, PROBES)) for side in plane.size]
+    canvas = Canvas(face, plane, *(BLOCK * count for count in counts))
+    points, some = canvas.block_points
+    points = points[some]
+    best = np.zeros(len(points))
+    for i in images:
+        pose = rig.poses[i]
+        if pose is not None:
+            sight = _visible(rig.scene, pose, points, look(rig.lens, pose, points, canvas.axes, 0.01))
+            best[sight.index] = np.maximum(best[sight.index], np.sqrt(sight.fine * sight.coarse))
+    if not best.any():
+        return None
+    return DETAIL / float(np.percentile(best[best > 0], 90))
+
+
+def survey(
+    rig: Rig,
+    canvases: list[Canvas],
+    images: list[int],
+    load: Callable[[int], Image | None],
+    workers: int,
+    stage: Stage,
+) -> tuple[list[Candidates], ExposureSamples]:
+    """The best views of every block of every canvas, and samples of exposure. Every image is decoded once."""
+    candidates = [Candidates(canvas.blocks[0] * canvas.blocks[1]) for canvas in canvases]
+    samples = ExposureSamples()
+    starts = np.cumsum([0] + [len(c.cost) for c in candidates])
+    for canvas in canvases:
+        _ = canvas.block_points  # computed here once, not by several threads at the same time
+
+    def observe(i: int) -> list[tuple[int, Sight, NDArray[np.uint8]]]:
+        image, pose = load(i), rig.poses[i]
+        return [] if image is None or pose is None else _observe(rig, canvases, pose, image)
+
+    for i, seen in zip(images, ordered_map(observe, images, workers), strict=True):
+        for k, sight, colour in seen:
+            cost = view_cost(sight, canvases[k], rig.lens.camera)
+            candidates[k].offer(sight.index, i, cost, colour)
+            row, column = np.divmod(sight.index, canvases[k].blocks[1])
+            use = (row % EXPOSURE_STRIDE == 0) & (column % EXPOSURE_STRIDE == 0)
+            samples.add(starts[k] + sight.index[use], i, colour[use])
+        stage.advance()
+    return candidates, samples
+
+
+def _observe(rig: Rig, canvases: list[Canvas], pose: Pose3, image: Image) -> list[tuple[int, Sight, NDArray[np.uint8]]]:
+    levels = pyramid(image)
+    out = []
+    for k, canvas in enumerate(canvases):
+        points, some = canvas.block_points
+        size = BLOCK * canvas.texel
+        inner = np.flatnonzero(some)
+        sight = look(rig.lens, pose, points.reshape(-1, 3)[inner], canvas.axes, size)
+        sight = Sight(inner[sight.index], sight.pixels, sight.fine, sight.coarse)
+        sight = _visible(rig.scene, pose, points.reshape(-1, 3), sight, some.shape)
+        if len(sight.index):
+            footprint = size * np.sqrt(sight.fine * sight.coarse)
+            out.append((k, sight, sample(levels, sight.pixels, footprint)))
+    return out
+
+
+def _visible(scene: RayScene, pose: Pose3, points: Array, sight: Sight, shape: tuple[int, ...] | None = None) -> Sight:
+    """The part of a sight that nothing hides; with the `shape` of the grid of points, nor hides next to it."""
+    if len(sight.index) == 0:
+        return sight
+    directions = points[sight.index] - pose.translation
+    reach, _ = scene.cast(pose.translation, directions)
+    hidden = (1 - reach) * np.linalg.norm(directions, axis=1) > TOLERANCE
+    if shape is not None:
+        grid = np.zeros(shape[0] * shape[1], np.uint8)
+        grid[sight.index[hidden]] = 1
+        hidden = cv2.dilate(grid.reshape(shape[0], shape[1]), np.ones((3, 3), np.uint8)).ravel()[sight.index] > 0
+    return Sight(*(a[~hidden] for a in (sight.index, sight.pixels, sight.fine, sight.coarse)))

@@ -1,0 +1,120 @@
+"""Faces with pictures."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from threading import Lock
+
+import cv2
+import numpy as np
+
+from recon.config import TextureConfig
+from recon.geometry import Array, Pose3
+from recon.model import Face
+from recon.progress import SILENT, Progress
+from recon.raycast import RayScene
+from recon.sequence.camera import Camera
+from recon.texture.candidates import Candidates
+from recon.texture.canvas import Canvas
+from recon.texture.consensus import agree, clutter_cost, correct
+from recon.texture.labelling import choose_views
+from recon.texture.ordered import ordered_map
+from recon.texture.render import Shot, best_level, render
+from recon.texture.survey import Rig, best_resolution, survey, useful_images
+from recon.texture.view import Image, Lens
+
+CACHE_BYTES = 96 << 20
+"""Decoded images held at a time."""
+LEAST_SEEN = 0.02
+"""A face of which less was seen gets no picture: a filled one would be made up."""
+
+
+def texture_faces(
+    faces: tuple[Face, ...],
+    camera: Camera,
+    map_from_camera: Sequence[Pose3 | None],
+    load: Callable[[int], Image | None],
+    config: TextureConfig | None = None,
+    workers: int = 1,
+    progress: Progress = SILENT,
+) -> tuple[Face, ...]:
+    """The same faces with a rectified picture each from the images that see them.
+
+    map_from_camera: pose of every image, None to leave it out. load(i): image i, raw, uint8 BGR (height, width, 3), or
+    None when it is corrupt; called from several threads. A face that (almost) no image sees keeps `texture` None.
+    The result does not depend on `workers`.
+
+    Every block of a face takes its colours from one image, the sharpest that sees it (Lempitsky and Ivanov 2007:
+    seamless mosaicing as labelling), unless most images say that something stands in front there.
+    """
+    config = TextureConfig() if config is None else config
+    rig = Rig(Lens.of(camera), map_from_camera, RayScene(faces))
+    images = useful_images(map_from_camera)
+    resolution = [best_resolution(rig, face, images) for face in faces]
+    canvases = [
+        Canvas.of(face, max(config.metres_per_texel, finest), config.max_texture_size)
+        for face, finest in zip(faces, resolution, strict=True)
+        if finest is not None
+    ]
+    with progress.stage("views of faces", total=len(images), unit="images") as stage:
+        candidates, samples = survey(rig, canvases, images, load, workers, stage)
+    gains = samples.gains(len(map_from_camera))
+    cached = _Cache(load)
+    textured: dict[str, Face] = {}
+
+    def paint(k: int) -> Face:
+        return _paint(canvases[k], candidates[k], gains, rig, cached)
+
+    with progress.stage("textures", total=len(canvases), unit="faces") as stage:
+        for face in ordered_map(paint, range(len(canvases)), workers):
+            textured[face.name] = face
+            stage.advance()
+    return tuple(textured.get(face.name, face) for face in faces)
+
+
+def _paint(canvas: Canvas, candidates: Candidates, gains: Array, rig: Rig, load: Callable[[int], Image | None]) -> Face:
+    shape = canvas.blocks
+    consensus = agree(candidates, gains)
+    cost = candidates.cost + clutter_cost(candidates, consensus, shape)
+    choice = choose_views(cost, candidates.view, consensus.deviation, shape)
+    if np.count_nonzero(choice >= 0) < LEAST_SEEN * np.count_nonzero(canvas.block_points[1]):
+        return canvas.face
+    points = canvas.block_points[0].reshape(-1, 3)
+    shots = {}
+    for view, seen in candidates.by_view().items():
+        used = np.flatnonzero(choice.ravel() == view)
+        pose = rig.poses[view]
+        if len(used) and pose is not None:
+            correction = correct(candidates, consensus, gains[view], seen, shape)
+            depth = pose.inverse().apply(points[used])[:, 2]
+            focal = float(np.sqrt(rig.lens.camera.matrix[0, 0] * rig.lens.camera.matrix[1, 1]))
+            shots[view] = Shot(pose, gains[view], correction, best_level(focal * canvas.texel / depth))
+    picture, seen_fraction = render(canvas, choice, shots, rig.lens, load)
+    texture = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+    return replace(canvas.face, texture=texture, metres_per_texel=canvas.texel, seen_fraction=seen_fraction)
+
+
+class _Cache:
+    """The images decoded last."""
+
+    def __init__(self, load: Callable[[int], Image | None]) -> None:
+        self._load, self._lock = load, Lock()
+        self._held: OrderedDict[int, Image | None] = OrderedDict()
+        self._bytes = 0
+
+    def __call__(self, index: int) -> Image | None:
+        with self._lock:
+            if index in self._held:
+                self._held.move_to_end(index)
+                return self._held[index]
+        image = self._load(index)
+        with self._lock:
+            if index not in self._held:
+                self._held[index] = image
+                self._bytes += 0 if image is None else image.nbytes
+            while self._bytes > CACHE_BYTES and len(self._held) > 1:
+                _, old = self._held.popitem(last=False)
+                self._bytes -= 0 if old is None else old.nbytes
+        return image

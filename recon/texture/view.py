@@ -1,0 +1,150 @@
+"""What one image can show of a face: where, how sharply."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, Pose3
+from recon.sequence.camera import Camera
+
+NEAR = 0.05
+"""m: nothing closer to the camera plane is used."""
+MIN_SINE = 0.04
+"""Sine of the angle between ray and surface: below it a view is too grazing to be of use."""
+LEVELS = 5
+"""Of the image pyramid: the image, then half the size each."""
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera and how far from its axis it sees. radius: |(x, y)| / z of the farthest pixel.
+
+    Beyond that radius a polynomial distortion may fold points back into the image: they are never projected.
+    """
+
+    camera: Camera
+    radius: float
+
+    @staticmethod
+    def of(camera: Camera) -> Lens:
+        """Looks along the border of the image."""
+        w, h = camera.width - 1, camera.height - 1
+        t = np.linspace(0, 1, 65)[:, None]
+        corners = np.array([[0, 0], [w, 0], [w, h], [0, h], [0, 0]], dtype=np.float64)
+        border = np.concatenate([a + t * (b - a) for a, b in zip(corners[:-1], corners[1:], strict=True)])
+        return Lens(camera, float(np.linalg.norm(camera.undistort(border), axis=1).max()))
+
+    def project(self, points: Array) -> Array:
+        """Points (N, 3), camera frame, as pixels (N, 2) of the raw image; nan outside the cone that the image covers."""
+        z = points[:, 2]
+        reach = (1.02 * self.radius * z) ** 2
+        use = (z > NEAR) & (points[:, 0] ** 2 + points[:, 1] ** 2 < reach)
+        pixels = np.full((len(points), 2), np.nan)
+        if use.any():
+            pixels[use] = self.camera.project(points[use])
+        return pixels
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Points of a face that an image may show. index: (n,) which points; pixels: (n, 2), raw image.
+
+    fine, coarse: (n,) pixels per metre on the surface, along the best and the worst resolved direction there.
+    """
+
+    index: NDArray[np.int64]
+    pixels: Array
+    fine: Array
+    coarse: Array
+
+
+def look(lens: Lens, map_from_camera: Pose3, points: Array, axes: Array, spacing: float) -> Sight:
+    """Which of points (N, 3), map frame, lie in the image, whole patches of `spacing` m around them included.
+
+    axes: (2, 3) unit vectors along the face. Occlusion is not looked at.
+    """
+    camera_from_map = map_from_camera.inverse()
+    index = np.flatnonzero(_facing(map_from_camera, points, axes))
+    local = camera_from_map.apply(points[index])
+    pixels = lens.project(local)
+    index, local, pixels = (a[_within(pixels, lens.camera, 1.0)] for a in (index, local, pixels))
+    step = 0.25 * spacing
+    turned = axes @ camera_from_map.rotation.T
+    along = [(lens.project(local + step * axis) - pixels) / step for axis in turned]
+    fine, coarse = _singular_values(*along)
+    margin = 1.0 + 0.5 * spacing * fine
+    ok = np.isfinite(coarse) & (coarse > 0)
+    ok[ok] = _within(pixels[ok], lens.camera, margin[ok])
+    return Sight(index[ok], pixels[ok], fine[ok], coarse[ok])
+
+
+def _facing(map_from_camera: Pose3, points: Array, axes: Array) -> NDArray[np.bool_]:
+    """(N,) whether the camera is in front of the face and not too grazing."""
+    towards = map_from_camera.translation - points
+    normal = -np.cross(axes[0], axes[1])  # right x down points into the face
+    return np.asarray(towards @ normal > MIN_SINE * np.linalg.norm(towards, axis=1))
+
+
+def _within(pixels: Array, camera: Camera, margin: Array | float) -> NDArray[np.bool_]:
+    x, y = pixels[:, 0], pixels[:, 1]
+    with np.errstate(invalid="ignore"):
+        inside_x = (x >= margin) & (x <= camera.width - 1 - margin)
+        return np.asarray(inside_x & (y >= margin) & (y <= camera.height - 1 - margin))
+
+
+def _singular_values(du: Array, dv: Array) -> tuple[Array, Array]:
+    """Larger and smaller singular value (n,) of the 2x2 matrices with columns du, dv (n, 2)."""
+    total = np.sum(du**2 + dv**2, axis=1)
+    det = du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]
+    root = np.sqrt(np.maximum(total**2 - 4 * det**2, 0))
+    large = np.sqrt(np.maximum(total + root, 0) / 2)
+    return large, np.abs(det) / np.maximum(large, 1e-12)
+
+
+def pyramid(image: Image, levels: int = LEVELS) -> list[Image]:
+    """The image and averages of it, each half the size of the one before (never under 16 pixels a side)."""
+    out = [image]
+    while len(out) < levels and min(out[-1].shape[:2]) >= 32:
+        height, width = out[-1].shape[:2]
+        out.append(np.asarray(cv2.resize(out[-1], (width // 2, height // 2), interpolation=cv2.INTER_AREA)))
+    return out
+
+
+def level_of(footprint: Array | float, levels: int) -> NDArray[np.int64]:
+    """The pyramid level whose pixels best match a footprint given in pixels of the image."""
+    octave = np.round(np.log2(np.maximum(footprint, 1e-6)))
+    return np.clip(octave, 0, levels - 1).astype(np.int64)
+
+
+def at_level(pixels: NDArray[np.float32], image: Image, level: Image) -> NDArray[np.float32]:
+    """Pixel coordinates (..., 2) of the image in its pyramid level."""
+    scale = np.array([level.shape[1] / image.shape[1], level.shape[0] / image.shape[0]], np.float32)
+    return np.asarray((pixels + np.float32(0.5)) * scale - np.float32(0.5))
+
+
+def sample(levels: list[Image], pixels: Array, footprint: Array) -> Image:
+    """Colours (n, 3) at pixels (n, 2) of the image, each averaged over about its footprint (n,), pixels."""
+    out = np.zeros((len(pixels), 3), np.uint8)
+    wanted = level_of(footprint, len(levels))
+    for k, level in enumerate(levels):
+        chosen = np.flatnonzero(wanted == k)
+        if len(chosen):
+            xy = at_level(pixels[chosen].astype(np.float32), levels[0], level)
+            out[chosen] = _remap(level, xy)
+    return out
+
+
+def _remap(image: Image, xy: NDArray[np.float32]) -> Image:
+    """cv2.remap of a list of points: folded into rows, since its sides are limited to 32767."""
+    columns = 512
+    rows = -(-len(xy) // columns)
+    padded = np.zeros((rows * columns, 2), np.float32)
+    padded[: len(xy)] = xy
+    found = cv2.remap(image, padded.reshape(rows, columns, 2), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found.reshape(-1, 3)[: len(xy)])

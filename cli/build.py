@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,6 +81,8 @@ def _build(drive: Sequence, config: Config, folder: Path, outputs: tuple[Path, .
     for message in result.warnings:
         if message not in drive.warnings:  # those were said at the start
             warn(message, quiet)
+    for note in result.model.notes:
+        logging.getLogger("recon").info(note)
     if not quiet:
         for line in summary(result.model, folder, outputs):
             click.echo(line)

@@ -22,7 +22,7 @@ def load_config(path: Path) -> Config:
     """
     try:
         content = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # damaged, a number of thousands of digits, nesting without end
         raise ConfigError(f"{path}: is not TOML: {error}") from None
     except InputError as error:
         raise ConfigError(str(error)) from None

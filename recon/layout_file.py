@@ -17,8 +17,8 @@ def read_layout(path: Path) -> Layout:
         content = json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise InputError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
-    except RecursionError:
-        raise InputError(f"{path}: is nested too deeply") from None
+    except (ValueError, RecursionError):  # a number of thousands of digits, nesting without end
+        raise InputError(f"{path}: holds a value that is none, expected numbers") from None
     return layout_from_json(content, str(path))
 
 

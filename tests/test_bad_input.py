@@ -149,6 +149,7 @@ CASES: dict[str, tuple[Damage, list[str]]] = {
     "all no return": (scans(ranges=np.full((6, 90), np.inf, np.float32)), ["scans.npz", "no beam"]),
     "scan time repeated": (scan_time(10.2), ["not increasing", "scan 3", "10.200000"]),
     "scan time back": (scan_time(3.0), ["not increasing", "scan 3", "3.000000"]),
+    "scan times in ns": (scans(timestamps=1e18 + 1e8 * np.arange(6)), ["scans.npz", "1e+08 s apart", "seconds"]),
     "scan time nan": (scan_time(np.nan), ["scan 3", "nan"]),
     "scan time infinite": (scan_time(np.inf, 5), ["scan 5", "inf"]),
     # scans.csv
@@ -200,6 +201,10 @@ CASES: dict[str, tuple[Damage, list[str]]] = {
     "odometry binary": (content("odometry.txt", bytes(range(256))), ["odometry.txt", "text"]),
     "odometry on another clock": (clock_of_its_own("odometry.txt"), ["odometry.txt", "overlap", "clock"]),
     # extrinsics.yaml
+    "extrinsics date": (content("extrinsics.yaml", "a: 2001-99-99"), ["extrinsics.yaml"]),
+    "extrinsics deep": (content("extrinsics.yaml", "[" * 5000), ["extrinsics.yaml"]),
+    "extrinsics digits": (extrinsics(translation=f"[0, 0, {'1' * 5000}]"), ["extrinsics.yaml"]),
+    "extrinsics huge": (extrinsics(translation=f"[0, 0, {'1' * 500}]"), ["extrinsics.yaml", "translation"]),
     "extrinsics empty": (content("extrinsics.yaml", ""), ["extrinsics.yaml", "mapping"]),
     "extrinsics key": (content("extrinsics.yaml", "a: 1"), ["extrinsics.yaml", "platform_from_camera", "missing"]),
     "extrinsics short": (extrinsics(translation="[1, 2]"), ["translation", "2", "3"]),

@@ -16,6 +16,7 @@ from recon.sequence.sequence import Scans
 from recon.sequence.table import check_increasing
 
 REQUIRED = ("timestamps", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
+MAX_INTERVAL = 600.0
 OPTIONAL = ("time_increment", "intensities")
 
 
@@ -51,13 +52,18 @@ def read_scans_npz(path: Path) -> Scans:
 def checked_scans(path: Path, scans: Scans) -> Scans:
     """The scans, beams in counter-clockwise order, ranges of 0 m made nan (many scanners say 0 for "invalid").
 
-    Raises InputError for no scans or beams, time stamps not finite or not increasing, negative ranges, no valid return
-    at all, range limits that are none, and bearings that go round more than once.
+    Raises InputError for no scans or beams, time stamps not finite, not increasing or not in seconds, negative ranges,
+    no valid return at all, range limits that are none, and bearings that go round more than once.
     """
     ranges = scans.ranges
     if ranges.size == 0:
         raise InputError(f"{path}: empty sequence: {ranges.shape[0]} scans of {ranges.shape[1]} beams")
     check_increasing(path, scans.timestamps, "scan")
+    interval = float(np.median(np.diff(scans.timestamps))) if len(scans) > 1 else 0.0
+    if interval > MAX_INTERVAL:
+        raise InputError(
+            f"{path}: scans are {interval:g} s apart, expected under {MAX_INTERVAL:g} s (are they in seconds?)"
+        )
     _check_bearings(path, scans)
     if not 0 <= scans.range_min < scans.range_max:
         raise InputError(
@@ -120,6 +126,8 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
             return arrays
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
+    except (PermissionError, IsADirectoryError) as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except MemoryError:
         raise InputError(f"{path}: claims arrays larger than this machine's memory") from None
     except (ValueError, EOFError, OSError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:

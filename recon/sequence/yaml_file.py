@@ -11,6 +11,9 @@ from recon.errors import InputError
 from recon.files import read_text
 from recon.geometry import Array
 
+MAX_NUMBER = 1e12
+"""Nothing here is larger: pixels, metres, coefficients."""
+
 
 def read_mapping(path: Path) -> dict[str, Any]:
     """The mapping that a YAML file holds. Raises InputError when it is missing, damaged or something else."""
@@ -23,6 +26,8 @@ def read_mapping(path: Path) -> dict[str, Any]:
         mark = getattr(error, "problem_mark", None)
         line = f":{mark.line + 1}" if mark is not None else ""
         raise InputError(f"{path}{line}: is not YAML: {getattr(error, 'problem', None) or 'damaged'}") from None
+    except (ValueError, RecursionError):  # a date that is none, a number of thousands of digits, nesting without end
+        raise InputError(f"{path}: holds a value that is none, expected numbers") from None
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected a mapping of keys to values")
     return content
@@ -42,6 +47,6 @@ def numbers(path: Path, key: str, value: Any, sizes: tuple[int, ...]) -> Array:
         count = f"{len(value)} values" if isinstance(value, list) else repr(value)[:40]
         raise InputError(f"{path}: {key} has {count}, expected a list of {expected} numbers")
     for item in value:
-        if isinstance(item, bool) or not isinstance(item, int | float) or not np.isfinite(item):
-            raise InputError(f"{path}: {key} holds {item!r}, expected finite numbers")
+        if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < MAX_NUMBER:
+            raise InputError(f"{path}: {key} holds {str(item)[:40]}, expected finite numbers")
     return np.array(value, dtype=np.float64)

@@ -24,6 +24,8 @@ Bools = NDArray[np.bool_]
 MAX_ITERATIONS = 40
 SHRINK = 0.7
 """Factor of the kernel's width from one iteration to the next."""
+ON_MAP = 1.5
+"""Widths of the last kernel within which a point lies on the map."""
 SAME_SIDE = 0.7
 """Cosine between the normals of scan and map above which two points may be one surface seen from the same side."""
 
@@ -86,7 +88,7 @@ def _normal_equations(
     map_xy: Array, map_normals: Array, map_flat: Bools, map_information: Array, head: Ints, after: Ints, corner: Array,
     pose: Array, width: float, noise: float, system: Array,
 ) -> int:  # fmt: skip
-    """Writes J'WJ | J'We (3, 4); returns how many points lie within the noise."""
+    """Writes J'WJ | J'We (3, 4); returns how many points lie on the map."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     reach, matched = max(3.0 * width, CELL), 0
     for a in range(3):
@@ -111,7 +113,7 @@ def _normal_equations(
             weight *= _kernel(distance, width)
             _add(system, 1.0, 0.0, rx, ry, dx, weight)
             _add(system, 0.0, 1.0, rx, ry, dy, weight)
-        if abs(distance) < noise:
+        if abs(distance) < ON_MAP * noise:
             matched += 1
     return matched
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.config import LidarConfig
 from recon.geometry import Array, between2, compose2, rotation2, wrap_angle
+from recon.lidar.clock import odometry_lag
 from recon.lidar.cloud import Cloud, make_cloud
 from recon.lidar.correlative import PRIOR_WEIGHT, search
 from recon.lidar.icp import Alignment, align
@@ -22,12 +23,19 @@ from recon.sequence.trajectory import Trajectory
 
 KERNEL = 0.15
 """m, width of the kernel at the first iteration."""
+KERNEL_SIGMAS = 3.0
+LAST_KERNEL = 0.03
+"""m, width of the kernel at the last iteration (`KERNEL_SIGMAS` times the range noise where that is more)."""
 GOOD_OVERLAP = 0.75
 """Share of a scan's points on the map from which an alignment near its prediction is beyond doubt."""
-MIN_OVERLAP = 0.3
+MIN_OVERLAP = 0.2
 """Share below which matching failed."""
 MIN_MATCHED = 8
 """Points on the map below which matching failed."""
+LAG_SCANS = 400
+"""Scans from which the lag of the odometry is found."""
+STEADY_TURN = np.radians(3.0)
+"""rad since the last scan up to which a scan makes a good keyframe: while turning fast, scans are distorted."""
 MAX_SURPRISE = 16.0
 """Squared normalised distance from the prediction above which an alignment is in doubt."""
 REACH = 3.0
@@ -53,6 +61,7 @@ class ScanMatching:
     failed: (N,) scans that fitted no map: their motion is the prediction.
     velocities: (N, 3) m/s, m/s, rad/s of the platform in its own frame after each scan's timestamp, with which
         `extract_segments` takes out motion distortion.
+    odometry: the given odometry on the scanner's clock (its lag taken off the timestamps), None without odometry.
     """
 
     trajectory: Trajectory
@@ -60,19 +69,30 @@ class ScanMatching:
     scan_covariances: Array
     failed: NDArray[np.bool_]
     velocities: Array
+    odometry: Trajectory | None = None
 
 
 def match_scans(scans: Scans, odometry: Trajectory | None, config: LidarConfig) -> ScanMatching:
     """Poses of all scans, each aligned with the map of the keyframes before it.
 
-    Odometry, where it covers the scans, is the prediction and is fused with a weight that is learnt along the way.
+    Odometry, where it covers the scans, is the prediction and is fused with a weight that is learnt along the way;
+    its lag is found first.
     Scans with a `time_increment` are matched twice, the second time without their motion distortion.
     """
     config = with_noise(scans, config)
+    if odometry is not None:
+        odometry = _on_scan_clock(scans, odometry, config)
     if scans.time_increment > 0:
         first = _Matcher(scans, odometry, config, _odometry_velocities(scans, odometry)).run()
         return _Matcher(scans, odometry, config, first.velocities).run()
     return _Matcher(scans, odometry, config, None).run()
+
+
+def _on_scan_clock(scans: Scans, odometry: Trajectory, config: LidarConfig) -> Trajectory:
+    """The odometry without its lag, which the first scans show when they are matched without it."""
+    first = replace(scans, timestamps=scans.timestamps[:LAG_SCANS], ranges=scans.ranges[:LAG_SCANS], intensities=None)
+    lag = odometry_lag(_Matcher(first, None, config, None).run().trajectory, odometry)
+    return Trajectory(odometry.timestamps - lag, odometry.poses)
 
 
 class _Matcher:
@@ -83,7 +103,7 @@ class _Matcher:
     ) -> None:
         n = len(scans)
         self._scans, self._odometry, self._config, self._velocities = scans, odometry, config, velocities
-        self._noise = max(3.0 * config.range_sigma, 0.02)
+        self._noise = max(KERNEL_SIGMAS * config.range_sigma, LAST_KERNEL)
         self._quality = OdometryQuality()
         self._poses, self._failed = np.zeros((n, 3)), np.zeros(n, np.bool_)
         self._fused, self._alone = np.zeros((max(n - 1, 0), 3, 3)), np.zeros((max(n - 1, 0), 3, 3))
@@ -96,7 +116,7 @@ class _Matcher:
         for k in range(1, len(self._scans)):
             self._step(k)
         trajectory = Trajectory(self._scans.timestamps, self._poses)
-        return ScanMatching(trajectory, self._fused, self._alone, self._failed, _velocities(trajectory))
+        return ScanMatching(trajectory, self._fused, self._alone, self._failed, _velocities(trajectory), self._odometry)
 
     def _cloud(self, k: int) -> Cloud:
         velocity = None if self._velocities is None else self._velocities[k]
@@ -115,7 +135,8 @@ class _Matcher:
         scan = np.zeros((3, 3)) if failed else found.information
         self._note(k, motion, sigma, scan)
         self._velocity = between2(before, self._poses[k]) / (end - start)
-        if failed or self._keyframes.is_due(self._poses[k]):
+        steady = abs(self._velocity[2]) * (end - start) < STEADY_TURN
+        if self._keyframes.is_due(self._poses[k]) and (steady or found.overlap < GOOD_OVERLAP):
             self._keyframes.add(cloud, self._poses[k])
 
     def _note(self, k: int, motion: Motion, sigma: Array, information: Array) -> None:

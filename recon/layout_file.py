@@ -14,12 +14,17 @@ from recon.model import Layout
 def read_layout(path: Path) -> Layout:
     """A layout.json, of ours or of ground truth. Raises InputError when it is missing, damaged or not of the schema."""
     try:
-        content = json.loads(read_text(path))
+        content = json.loads(read_text(path), parse_int=_int)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
-    except (ValueError, RecursionError):  # a number of thousands of digits, nesting without end
-        raise InputError(f"{path}: holds a value that is none, expected numbers") from None
+    except RecursionError:
+        raise InputError(f"{path}: is nested too deeply") from None
     return layout_from_json(content, str(path))
+
+
+def _int(digits: str) -> int | float:
+    """Whole numbers too long for an id as floats, infinite ones among them, which are refused like any other."""
+    return int(digits) if len(digits) < 16 else float(digits)
 
 
 def write_layout(path: Path, layout: Layout) -> None:

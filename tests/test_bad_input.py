@@ -98,6 +98,11 @@ def extrinsics(translation: str = "[0.1, 0, 1]", quaternion: str = "[0.5, -0.5, 
     return content("extrinsics.yaml", body)
 
 
+def folder_for_scans(folder: Path) -> None:
+    (folder / "scans.npz").unlink()
+    (folder / "scans.npz").mkdir()
+
+
 def larger_image(folder: Path) -> None:
     cv2.imwrite(str(folder / "images" / "3.jpg"), np.zeros((48, 64, 3), np.uint8))
 
@@ -127,7 +132,7 @@ CASES: dict[str, tuple[Damage, list[str]]] = {
     "scans cut at the end": (cut("scans.npz", 0.98), ["scans.npz", "truncated"]),
     "scans empty file": (content("scans.npz", b""), ["scans.npz"]),
     "scans are text": (content("scans.npz", "1 2 3\n"), ["scans.npz", "npz"]),
-    "scans a folder": (lambda f: ((f / "scans.npz").unlink(), (f / "scans.npz").mkdir()), ["scans.npz"]),
+    "scans a folder": (folder_for_scans, ["scans.npz", "directory"]),
     "pickled": (scans(ranges=np.array([[1.0, "x"], [None, {}]], dtype=object)), ["scans.npz", "ranges", "pickled"]),
     "strings": (scans(ranges=np.full((6, 90), "a")), ["scans.npz", "ranges", "numbers"]),
     "complex": (scans(ranges=np.full((6, 90), 1j)), ["scans.npz", "ranges", "numbers"]),
@@ -286,15 +291,15 @@ def test_corrupt_image_is_skipped_with_a_warning(
     path = tiny_sequence / "images" / "2.jpg"
     data = bytearray(path.read_bytes())
     middle = len(data) * 2 // 3
-    damaged = {
+    damaged: dict[str, bytes | bytearray] = {
         "half": data[:middle],
         "two bytes": data[:-2],
         "zeros": data[:middle] + bytes(len(data) - middle),
         "noise": np.random.default_rng(1).integers(0, 256, 900, dtype=np.uint8).tobytes(),
         "nothing": b"",
         "text": b"not a picture at all",
-    }[damage]
-    path.write_bytes(damaged)
+    }
+    path.write_bytes(damaged[damage])
     sequence = read_sequence(tiny_sequence)
     assert sequence.images is not None
     assert sequence.camera is not None

@@ -10,21 +10,23 @@ from recon.model import NEUTRAL_COLOURS, Face, Model
 
 
 def write_obj(model: Model, stem: str) -> Output:
-    """One object a face (`o wall_003`), in a group of its kind, with materials of the same name."""
+    """One object a face (`o wall_003`), with a material of the same name, ordered by kind.
+
+    No groups (`g`): programs that split a file by both would name the parts differently.
+    """
     folder = f"{stem}.textures"
     lines = ["# recon: metres, Y up, right-handed", f"mtllib {stem}.mtl"]
     first = 1  # OBJ counts from 1 over the whole file
-    members = [(group, face) for group, faces in grouped(model).items() for face in faces]
-    for number, (group, face) in enumerate(members, start=1):
-        lines += _face_lines(face, group, first, number)
+    for number, face in enumerate((f for faces in grouped(model).values() for f in faces), start=1):
+        lines += _face_lines(face, first, number)
         first += len(face.vertices)
     materials = "".join(_material(face, folder) for face in _material_faces(model))
     beside = {f"{stem}.mtl": ("# recon\n" + materials).encode()} | texture_files(model, folder)
     return Output(("\n".join(lines) + "\n").encode(), beside)
 
 
-def _face_lines(face: Face, group: str, first: int, normal_index: int) -> list[str]:
-    lines = [f"o {face.name}", f"g {group} {face.name}", f"usemtl {_material_name(face)}"]
+def _face_lines(face: Face, first: int, normal_index: int) -> list[str]:
+    lines = [f"o {face.name}", f"usemtl {_material_name(face)}"]
     lines += _rows("v", y_up(face.vertices)) + _rows("vt", face.uv) + _rows("vn", y_up(face_normal(face))[None])
     for triangle in face.triangles + first:
         lines.append("f " + " ".join(f"{i}/{i}/{normal_index}" for i in triangle))

@@ -107,7 +107,7 @@ def _solids(model: Model, shown: set[int], view: Array) -> list[Face]:
 def _extruded(
     area: object, bottom: float, top: float, colour: tuple[int, int, int], view: Array, walls: list[Wall]
 ) -> list[Face]:
-    """A prism over `area`: its top in `colour`, its sides toward the viewer except those in the face of one of `walls`."""
+    """A prism over `area`: its top in `colour`, its sides toward the viewer but not in the face of one of `walls`."""
     import shapely
 
     polygons = [p for p in shapely.get_parts(area) if p.geom_type == "Polygon" and p.area > 1e-6]
@@ -150,7 +150,7 @@ def _plain(vertices: Array, triangles: NDArray[np.int64], colour: tuple[int, int
 
 def _lit(shade: Callable[[Array], Array], face: Face) -> Callable[[Array], Array]:
     """Ambient shade times a little sun from the left: walls of the two directions differ."""
-    sun = 0.94 + 0.12 * float(face.normal @ np.array([0.35, -0.5, 0.79]))
+    sun = 1.0 + 0.12 * float(face.normal @ np.array([0.35, -0.5, 0.79]))
     return lambda points: shade(points) * sun
 
 

@@ -1,0 +1,127 @@
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from pxr import Kind, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
+from two_rooms import HEIGHT, QUADRANTS, corner, two_rooms
+
+from recon.exporters import export
+
+SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+
+
+def complaints(path: Path) -> list[str]:
+    """What all of OpenUSD's validators say about a file."""
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) >= 20
+    errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(path)))
+    return [f"{error.GetName()}: {error.GetMessage()}" for error in errors]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("textured", [True, False])
+def test_every_validator_passes(suffix: str, textured: bool, tmp_path: Path) -> None:
+    path = tmp_path / f"Gebäude 1{suffix}"
+    export(two_rooms(textured), path)
+    assert complaints(path) == []
+
+
+def test_the_validators_do_find_a_fault(tmp_path: Path) -> None:
+    path = tmp_path / "model.usda"
+    export(two_rooms(), path)
+    for picture in (tmp_path / "model.textures").iterdir():
+        picture.unlink()
+    assert complaints(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_metres_z_up_names_and_hierarchy(suffix: str, tmp_path: Path) -> None:
+    model = two_rooms()
+    path = tmp_path / f"model{suffix}"
+    export(model, path)
+    stage = Usd.Stage.Open(str(path))
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
+    assert UsdGeom.GetStageUpAxis(stage) == "Z"
+    root = stage.GetDefaultPrim()
+    assert (root.GetPath(), root.GetDisplayName()) == ("/building", model.name)
+    assert Usd.ModelAPI(root).GetKind() == Kind.Tokens.component
+    for face in model.faces:
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/building/{face.kind}s/{face.name}"))
+        np.testing.assert_allclose(np.array(mesh.GetPointsAttr().Get()), face.vertices, atol=1e-6)
+        extent = np.array(mesh.GetExtentAttr().Get())
+        np.testing.assert_allclose(extent, [face.vertices.min(axis=0), face.vertices.max(axis=0)], atol=1e-6)
+        assert mesh.GetSubdivisionSchemeAttr().Get() == "none"
+        assert np.array(mesh.GetNormalsAttr().Get()) @ face.normal == pytest.approx(1.0)
+    box = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"]).ComputeWorldBound(root).ComputeAlignedRange()
+    np.testing.assert_allclose([box.GetMin(), box.GetMax()], np.array([[0, 0, 0], [6, 5, HEIGHT]]), atol=1e-6)
+
+
+def test_walls_carry_their_accuracy(tmp_path: Path) -> None:
+    export(two_rooms(), tmp_path / "model.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "model.usda"))
+    prim = stage.GetPrimAtPath("/building/walls/wall_003")
+    assert prim.GetAttribute("userProperties:sigma_offset").Get() == pytest.approx(0.013)
+    assert prim.GetAttribute("userProperties:source").Get() == "lidar"
+
+
+def texture_path(mesh: Any) -> str:
+    material, _ = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()
+    surface = material.ComputeSurfaceSource()[0]
+    texture = surface.GetInput("diffuseColor").GetConnectedSources()[0][0].source
+    return str(UsdShade.Shader(texture.GetPrim()).GetInput("file").Get().resolvedPath)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_textures_lie_on_the_right_corners(suffix: str, tmp_path: Path) -> None:
+    model = two_rooms()
+    path = tmp_path / f"model{suffix}"
+    export(model, path)
+    stage = Usd.Stage.Open(str(path))
+    for face in (f for f in model.faces if f.kind == "wall" and f.texture is not None):
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/building/walls/{face.name}"))
+        resolved = texture_path(mesh)
+        if suffix == ".usdz":
+            package, inside = resolved[:-1].split("[")
+            picture = Image.open(io.BytesIO(zipfile.ZipFile(package).read(inside)))
+        else:
+            assert Path(resolved).parent == tmp_path / "model.textures"
+            picture = Image.open(resolved)
+        points = np.array(mesh.GetPointsAttr().Get())
+        st = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").Get())
+        for name, expected in QUADRANTS.items():
+            u, v = st[np.linalg.norm(points - corner(face, name), axis=1).argmin()]
+            # USD: st (0, 0) is the lower left corner of the picture.
+            pixel = picture.getpixel((round(u * (picture.width - 1)), round((1 - v) * (picture.height - 1))))
+            np.testing.assert_allclose(np.array(pixel), expected, atol=8)
+
+
+def test_usdz_is_a_valid_package(tmp_path: Path) -> None:
+    path = tmp_path / "model.usdz"
+    export(two_rooms(), path)
+    content = path.read_bytes()
+    with zipfile.ZipFile(path) as package:
+        assert package.testzip() is None
+        entries = package.infolist()
+    assert entries[0].filename == "model.usdc"
+    assert len(entries) == 10
+    for entry in entries:
+        assert entry.compress_type == zipfile.ZIP_STORED
+        name, extra = (int.from_bytes(content[entry.header_offset + at :][:2], "little") for at in (26, 28))
+        assert (entry.header_offset + 30 + name + extra) % 64 == 0
+    layers, assets, unresolved = UsdUtils.ComputeAllDependencies(str(path))
+    assert (len(layers), len(assets), len(unresolved)) == (1, 9, 0)
+
+
+def test_faces_without_a_texture_share_clean_materials(tmp_path: Path) -> None:
+    export(two_rooms(textured=False), tmp_path / "model.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "model.usda"))
+    names = {prim.GetName() for prim in stage.GetPrimAtPath("/building/materials").GetChildren()}
+    assert names == {"neutral_wall", "neutral_floor", "neutral_ceiling"}
+    wall = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/building/walls/wall_000"))
+    assert wall.ComputeBoundMaterial()[0].GetPath() == "/building/materials/neutral_wall"

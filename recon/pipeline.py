@@ -10,9 +10,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.calibration.calibrate import calibrate, check_given
 from recon.calibration.frames import collect_frames
@@ -26,14 +27,14 @@ from recon.graph.motion import Motion
 from recon.graph.observation import WallObservations
 from recon.graph.solve import solve_graph
 from recon.layout.build import build_layout
-from recon.layout.heights import with_heights
+from recon.layout.heights import measure_ceiling
 from recon.lidar.matching import ScanMatching, match_scans
 from recon.lidar.noise import with_noise
 from recon.lidar.segment import Segments
 from recon.lidar.split_and_merge import extract_segments
 from recon.model import Layout, Model
 from recon.progress import SILENT, Progress, Stage
-from recon.sequence.images import iterate_images
+from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
 from recon.texture.texture import texture_faces
@@ -87,11 +88,20 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT) -> Bu
     poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
     with run.stage("layout"):
         layout = build_layout(estimate, sequence.scans, config.layout)
-        if sequence.camera is not None:
-            layout = with_heights(layout, lines, poses, sequence.camera)
+        if sequence.camera is not None and calibration is not None:
+            height, sigma = measure_ceiling(layout, lines, poses, sequence.camera)
+            layout = replace(layout, ceiling_height=height, sigma_ceiling=sigma)
     model = _model(sequence, layout, poses, config, run)
     return Build(
-        sequence, config, model, estimate, calibration, poses, run.seconds, run.counts, tuple(dict.fromkeys(run.warnings))
+        sequence,
+        config,
+        model,
+        estimate,
+        calibration,
+        poses,
+        run.seconds,
+        run.counts,
+        tuple(dict.fromkeys(run.warnings)),
     )
 
 
@@ -109,13 +119,13 @@ def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[ScanMatching,
             stage.advance()
     run.counts |= {"scans": len(scans), "scan segments": sum(map(len, segments))}
     if matching.failed.any():
-        run.warnings.append(f"{int(matching.failed.sum())} of {len(scans)} scans fitted no map; their motion is predicted")
+        run.warnings.append(
+            f"{int(matching.failed.sum())} of {len(scans)} scans fitted no map; their motion is predicted"
+        )
     return matching, segments
 
 
-def _lines(
-    sequence: Sequence, config: Config, run: _Run
-) -> tuple[list[FrameLines | None], tuple[Array, float] | None]:
+def _lines(sequence: Sequence, config: Config, run: _Run) -> tuple[list[FrameLines | None], tuple[Array, float] | None]:
     """Lines and vanishing points of every image, and the vertical that all images share (paper 2.2, 2.3.1)."""
     if sequence.images is None or sequence.camera is None:
         return [], None
@@ -212,21 +222,26 @@ def _camera_poses(
     first, last = trajectory.timestamps[0] - MAX_EXTRAPOLATION, trajectory.timestamps[-1] + MAX_EXTRAPOLATION
     inside = (times >= first) & (times <= last)
     if not inside.all():
-        run.warnings.append(f"{int((~inside).sum())} of {len(times)} images lie outside the scans' time and are left out")
+        run.warnings.append(
+            f"{int((~inside).sum())} of {len(times)} images lie outside the scans' time and are left out"
+        )
     return tuple(
         Pose3.from_planar(pose) @ calibration.platform_from_camera if ok else None
         for pose, ok in zip(trajectory.at(times), inside, strict=True)
     )
 
 
-def _model(
-    sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], config: Config, run: _Run
-) -> Model:
+def _model(sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], config: Config, run: _Run) -> Model:
     """Faces extruded from the layout, textured from the images."""
     faces = extrude(layout)
     if sequence.images is not None and sequence.camera is not None and any(p is not None for p in poses):
-        with run.stage("texture") as stage:
-            faces = texture_faces(faces, sequence.images, sequence.camera, poses, config.texture, stage)
+        images, camera = sequence.images, sequence.camera
+
+        def load(index: int) -> NDArray[np.uint8] | None:
+            return load_image(images, index, camera, warnings=run.warnings)
+
+        with run.stage("texture"):
+            faces = texture_faces(faces, camera, poses, load, config.texture, config.workers)
     notes = []
     if layout.ceiling_height is None:
         notes.append(f"No image shows the ceiling; walls are {layout.default_ceiling_height:.2f} m high by default.")

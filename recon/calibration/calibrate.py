@@ -68,9 +68,7 @@ def _evidence(frames: CalibrationFrames, camera: Camera, refined: Refinement, to
     return sum(score(support(frames, camera, pose, t, None, offset)) for t in (tolerance, tolerance / 2))
 
 
-def check_given(
-    frames: CalibrationFrames, camera: Camera, vertical: tuple[Array, float], given: Pose3
-) -> Calibration:
+def check_given(frames: CalibrationFrames, camera: Camera, vertical: tuple[Array, float], given: Pose3) -> Calibration:
     """The given extrinsics, with a warning and the numbers where the images disagree."""
     tolerance = TOLERANCE * camera.matrix[0, 0]
     counts = support(frames, camera, given, tolerance)
@@ -81,7 +79,9 @@ def check_given(
             f"extrinsics.yaml: the camera's vertical is {tilt:.1f} deg off the vertical lines in the images; "
             "the given value is used, leave the file out to have it estimated"
         )
-    refined = refine(frames, camera, given, vertical, (4 * tolerance, 2 * tolerance, *(tolerance * f for f in REFINEMENT)))
+    refined = refine(
+        frames, camera, given, vertical, (4 * tolerance, 2 * tolerance, *(tolerance * f for f in REFINEMENT))
+    )
     if refined is not None:
         warnings += _disagreement(given, refined)
     covariance = np.diag([0.002, 0.002, 0.002, 0.005, 0.005, 0.005]) ** 2
@@ -131,7 +131,7 @@ def _lowest_plane(frames: CalibrationFrames, camera: Camera, refined: Refinement
     """
     pose = refined.platform_from_camera
     lower = np.arange(0.0, LOWER_PLANE_RANGE[1] + 0.015, 0.01)
-    poses = [Pose3(pose.rotation, pose.translation + [0.0, 0.0, z]) for z in lower]
+    poses = [Pose3(pose.rotation, pose.translation + np.array([0.0, 0.0, z])) for z in lower]
     values = np.array([score(support(frames, camera, p, tolerance / 2, None, refined.foot_offset)) for p in poses])
     peak = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:]) & (lower[1:-1] > LOWER_PLANE_RANGE[0])
     found = np.flatnonzero(peak & (values[1:-1] > LOWER_PLANE_SUPPORT * values[:3].max())) + 1

@@ -8,7 +8,7 @@ import numpy as np
 
 from recon.calibration.support import CalibrationFrames
 from recon.geometry import Array, apply2, between2
-from recon.lidar.directions import manhattan_groups  # noqa
+from recon.lidar.directions import manhattan_groups
 from recon.lidar.segment import Segments
 from recon.sequence.trajectory import Trajectory
 from recon.vision.frame import HORIZONTAL_1, HORIZONTAL_2, FrameLines

@@ -40,9 +40,7 @@ def perturb(pose: Pose3, delta: Array) -> Pose3:
     return Pose3(Rotation.from_rotvec(delta[:3]).as_matrix() @ pose.rotation, pose.translation + delta[3:6])
 
 
-def foot_distances(
-    camera: Camera, pose: Pose3, feet: Array, pixels: Array, offset: float | Array = 0.0
-) -> Array:
+def foot_distances(camera: Camera, pose: Pose3, feet: Array, pixels: Array, offset: float | Array = 0.0) -> Array:
     """Signed distances (N, 2), pixels, of the points (N, 2, 2) from the projected foot lines.
 
     feet: (N, 2, 2) m, platform frame. offset: m, how far the foot stands in front of the line (to its left).

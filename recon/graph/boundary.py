@@ -119,6 +119,8 @@ def _covariance(pixels: Array, camera: Camera, calibration: Calibration) -> Arra
         effect = np.stack([0.5 * shift, sign * shift / length], axis=1)
         out += effect[:, :, None] * effect[:, None, :]
     reach = np.linalg.norm(ends.mean(axis=1), axis=1)
-    out[:, 0, 0] += SIGMA_OFFSET**2 + (reach**2 * np.sqrt(calibration.covariance[0, 0] + calibration.covariance[1, 1])) ** 2
+    out[:, 0, 0] += (
+        SIGMA_OFFSET**2 + (reach**2 * np.sqrt(calibration.covariance[0, 0] + calibration.covariance[1, 1])) ** 2
+    )
     out[:, 1, 1] += SIGMA_ANGLE**2
     return out

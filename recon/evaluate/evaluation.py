@@ -1,0 +1,113 @@
+"""`recon eval`: everything that the ground truth of a sequence can say of a result."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from recon.errors import InputError
+from recon.evaluate.extrinsics import ExtrinsicsErrors, extrinsics_errors
+from recon.evaluate.labels import LabelScores, label_scores
+from recon.evaluate.trajectory import TrajectoryErrors, trajectory_errors
+from recon.evaluate.walls import WallScores, wall_scores
+from recon.results.reader import load_layout
+from recon.sequence.extrinsics import read_extrinsics
+from recon.sequence.groundtruth import GroundTruth, read_groundtruth
+from recon.sequence.tum import read_planar
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Scores; None for what the ground truth or the result does not hold. ceiling: m, estimate minus truth."""
+
+    trajectory: TrajectoryErrors | None
+    extrinsics: ExtrinsicsErrors | None
+    walls: WallScores | None
+    ceiling: float | None
+    labels: LabelScores | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values; lengths in m, angles in degrees."""
+        content: dict[str, Any] = {"version": 1, "ceiling": self.ceiling}
+        for name in ("trajectory", "extrinsics", "walls", "labels"):
+            part = getattr(self, name)
+            content[name] = None if part is None else asdict(part)
+        if self.walls is not None:
+            content["walls"]["f1"] = list(self.walls.f1)
+        return content
+
+    def table(self) -> str:
+        """Two aligned columns for a terminal."""
+        rows = self._trajectory_rows() + self._extrinsics_rows() + self._layout_rows() + self._label_rows()
+        width = max(len(name) for name, _ in rows) if rows else 0
+        return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+
+    def _trajectory_rows(self) -> list[tuple[str, str]]:
+        if (t := self.trajectory) is None:
+            return []
+        return [
+            ("trajectory, ATE", f"{t.ate * 100:.2f} cm rms, {t.ate_max * 100:.2f} cm worst, over {t.poses} poses"),
+            ("trajectory, heading", f"{t.heading:.3f} deg rms"),
+            ("trajectory, RPE pose to pose", f"{t.rpe * 100:.2f} cm, {t.rpe_rotation:.3f} deg rms"),
+        ]
+
+    def _extrinsics_rows(self) -> list[tuple[str, str]]:
+        if (e := self.extrinsics) is None:
+            return []
+        return [
+            ("camera position", f"x {e.x * 100:+.1f} cm, y {e.y * 100:+.1f} cm, height {e.height * 100:+.1f} cm"),
+            ("camera rotation", f"{e.rotation:.3f} deg, of it tilt {e.tilt:.3f} deg"),
+        ]
+
+    def _layout_rows(self) -> list[tuple[str, str]]:
+        rows = []
+        if (w := self.walls) is not None:
+            for t, a, c, f in zip(w.thresholds, w.accuracy, w.completeness, w.f1, strict=True):
+                name = f"walls within {t * 100:.0f} cm"
+                rows.append((name, f"accuracy {a:.3f}, completeness {c:.3f}, F1 {f:.3f}"))
+            rows.append(("walls, median distance", f"{w.median_distance * 1000:.1f} mm"))
+        if self.ceiling is not None:
+            rows.append(("ceiling height", f"{self.ceiling * 100:+.1f} cm"))
+        return rows
+
+    def _label_rows(self) -> list[tuple[str, str]]:
+        if (s := self.labels) is None:
+            return []
+        worst = ", ".join(f"{stem} {value:.1%}" for stem, value in s.worst[:3])
+        return [
+            ("classification accuracy", f"{s.accuracy:.2%} over {s.images} images, {s.median_image:.2%} in the median"),
+            ("worst images", worst),
+        ]
+
+
+def evaluate(sequence: Path, result: Path) -> Evaluation:
+    """Compare a result folder with the ground truth of its sequence folder.
+
+    Raises InputError when either is missing or damaged, or when the sequence has no ground truth.
+    """
+    truth = read_groundtruth(sequence)
+    layout = load_layout(result)
+    pose = None
+    if truth.platform_from_camera is not None and (result / "extrinsics.yaml").is_file():
+        pose = extrinsics_errors(read_extrinsics(result / "extrinsics.yaml"), truth.platform_from_camera)
+    trajectory = None
+    if truth.trajectory is not None:
+        trajectory = trajectory_errors(read_planar(result / "trajectory.txt"), truth.trajectory)
+    walls = ceiling = None
+    if truth.layout is not None:
+        walls = wall_scores(layout.walls, truth.layout.walls)
+        if layout.ceiling_height is not None and truth.layout.ceiling_height is not None:
+            ceiling = layout.ceiling_height - truth.layout.ceiling_height
+    evaluation = Evaluation(trajectory, pose, walls, ceiling, label_scores(_label_pairs(truth, result)))
+    if all(part is None for part in (trajectory, pose, walls, evaluation.labels)):
+        raise InputError(f"{sequence / 'groundtruth'}: holds nothing that can be compared")
+    return evaluation
+
+
+def _label_pairs(truth: GroundTruth, result: Path) -> list[tuple[Path, Path]]:
+    """Label images that both the result and the ground truth hold."""
+    if truth.labels is None:
+        return []
+    found = sorted((result / "labels").glob("*.png"))
+    return [(mine, truth.labels / mine.name) for mine in found if (truth.labels / mine.name).is_file()]

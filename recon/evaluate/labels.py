@@ -1,0 +1,85 @@
+"""The paper's classification accuracy (section 3): share of rightly labelled pixels, ceiling left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import InputError
+
+UNLABELLED, CEILING, FIRST_WALL = 0, 2, 10
+MAX_LABEL = 4096
+
+
+@dataclass(frozen=True)
+class LabelScores:
+    """accuracy over all scored pixels; worst: (stem, accuracy) of the five worst images."""
+
+    images: int
+    accuracy: float
+    median_image: float
+    worst: tuple[tuple[str, float], ...]
+
+
+def label_scores(pairs: list[tuple[Path, Path]]) -> LabelScores | None:
+    """Compare label images, (estimate, truth) paths; None when there is no pair.
+
+    Pixels that are unlabelled or ceiling in the truth are not scored. Strict about walls: each estimated wall stands
+    for one true wall and each true wall for one estimated one, chosen over the whole drive for most common pixels.
+    Raises InputError for damaged images and images of different size.
+    """
+    if not pairs:
+        return None
+    confusions = [_confusion(*pair) for pair in pairs]
+    total = np.zeros((MAX_LABEL, MAX_LABEL), np.int64)
+    for rows, columns, counts in confusions:
+        total[rows, columns] += counts
+    meaning = _meaning(total)
+    accuracies = []
+    right = scored = 0
+    for rows, columns, counts in confusions:
+        good = int(counts[meaning[rows] == columns].sum())
+        all_pixels = int(counts.sum())
+        right, scored = right + good, scored + all_pixels
+        accuracies.append(good / all_pixels if all_pixels else 1.0)
+    order = np.argsort(accuracies, kind="stable")[:5]
+    worst = tuple((pairs[i][1].stem, float(accuracies[i])) for i in order)
+    return LabelScores(len(pairs), right / max(scored, 1), float(np.median(accuracies)), worst)
+
+
+def _confusion(estimate: Path, truth: Path) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Estimated labels, true labels and their pixel counts, where the truth is scored."""
+    mine, theirs = _read(estimate), _read(truth)
+    if mine.shape != theirs.shape:
+        raise InputError(f"{estimate}: is {mine.shape[1]} x {mine.shape[0]} pixels, {truth} is "
+                         f"{theirs.shape[1]} x {theirs.shape[0]}")  # fmt: skip
+    scored = (theirs != UNLABELLED) & (theirs != CEILING)
+    joint = mine[scored].astype(np.int64) * MAX_LABEL + theirs[scored]
+    keys, counts = np.unique(joint, return_counts=True)
+    return keys // MAX_LABEL, keys % MAX_LABEL, counts
+
+
+def _read(path: Path) -> NDArray[np.uint16]:
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None or image.ndim != 2:
+        raise InputError(f"{path}: is no single-channel PNG")
+    if int(image.max(initial=0)) >= MAX_LABEL:
+        raise InputError(f"{path}: holds label {int(image.max())}, expected less than {MAX_LABEL}")
+    return np.asarray(image, dtype=np.uint16)
+
+
+def _meaning(total: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(MAX_LABEL,) true label that each estimated label stands for; -1 for walls without a counterpart."""
+    from scipy.optimize import linear_sum_assignment
+
+    meaning = np.arange(MAX_LABEL)
+    walls = total[FIRST_WALL:, FIRST_WALL:]
+    mine, theirs = np.flatnonzero(walls.any(axis=1)), np.flatnonzero(walls.any(axis=0))
+    rows, columns = linear_sum_assignment(-walls[np.ix_(mine, theirs)])
+    meaning[FIRST_WALL:] = -1
+    meaning[FIRST_WALL + mine[rows]] = FIRST_WALL + theirs[columns]
+    return meaning

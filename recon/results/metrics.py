@@ -1,0 +1,77 @@
+"""metrics.json: what a build cost and found, in numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import recon
+
+if TYPE_CHECKING:
+    from recon.pipeline import Build
+    from recon.sequence.sequence import Sequence
+
+LIBRARIES = ("gtsam", "numpy", "numba", "open3d", "opencv-python-headless", "scipy", "shapely", "usd-core")
+
+
+def metrics(build: Build) -> dict[str, Any]:
+    """Seconds and counts of every stage, residuals, calibration, versions and the input's fingerprint."""
+    return {
+        "version": 1,
+        "seconds": build.seconds,
+        "counts": build.counts,
+        "residuals": build.estimate.residuals,
+        "odometry_scale": build.estimate.odometry_scale,
+        "calibration": _calibration(build),
+        "faces": {f.name: {"seen_fraction": round(f.seen_fraction, 4)} for f in build.model.faces},
+        "warnings": list(build.warnings),
+        "versions": {"recon": recon.__version__, "python": platform.python_version(), **_versions()},
+        "fingerprint": fingerprint(build.sequence),
+    }
+
+
+def _calibration(build: Build) -> dict[str, Any] | None:
+    if build.calibration is None:
+        return None
+    sigma = np.sqrt(np.diag(build.calibration.covariance))
+    return {
+        "source": build.calibration.source,
+        "sigma_rotation": [round(float(s), 6) for s in sigma[:3]],
+        "sigma_translation": [round(float(s), 5) for s in sigma[3:]],
+        "images": len(build.calibration.inlier_frames),
+        "explained": round(build.calibration.inlier_fraction, 4),
+    }
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def fingerprint(sequence: Sequence) -> str:
+    """SHA-256 over scans, odometry, intrinsics, extrinsics, image times, names and sizes in bytes."""
+    digest = hashlib.sha256()
+    scans = sequence.scans
+    digest.update(np.ascontiguousarray(scans.timestamps).tobytes())
+    digest.update(np.ascontiguousarray(scans.ranges).tobytes())
+    digest.update(repr((scans.angle_min, scans.angle_increment, scans.range_min, scans.range_max)).encode())
+    if sequence.odometry is not None:
+        digest.update(np.ascontiguousarray(sequence.odometry.poses).tobytes())
+    if sequence.camera is not None:
+        digest.update(sequence.camera.matrix.tobytes() + sequence.camera.distortion.tobytes())
+    if sequence.platform_from_camera is not None:
+        digest.update(sequence.platform_from_camera.matrix().tobytes())
+    if sequence.images is not None:
+        digest.update(sequence.images.timestamps.tobytes())
+        for name, path in zip(sequence.images.names, sequence.images.paths, strict=True):
+            digest.update(f"{name} {path.stat().st_size}".encode())
+    return digest.hexdigest()

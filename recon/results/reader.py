@@ -1,0 +1,72 @@
+"""Reads a result folder back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import InputError
+from recon.files import read_text
+from recon.layout_json import layout_from_json
+from recon.model import Face, Layout, Model
+
+
+def load_model(folder: Path) -> Model:
+    """The model of a result folder, as it was built.
+
+    Raises InputError when the folder, layout.json, model.json or a texture is missing or damaged.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder, expected a result folder of recon build")
+    layout = load_layout(folder)
+    path = folder / "model.json"
+    content = _json(path)
+    try:
+        faces = tuple(_face(folder, item) for item in content["faces"])
+        return Model(str(content["name"]), layout, faces, tuple(str(note) for note in content["notes"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: is damaged ({error!r}), expected what recon build wrote") from None
+
+
+def load_layout(folder: Path) -> Layout:
+    """layout.json of a result folder; InputError as `load_model`."""
+    path = folder / "layout.json"
+    return layout_from_json(_json(path), str(path))
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}:{error.lineno}: is no JSON: {error.msg}") from None
+
+
+def _face(folder: Path, item: dict[str, Any]) -> Face:
+    texture = None if item["texture"] is None else _texture(folder / item["texture"])
+    return Face(
+        item["name"],
+        item["kind"],
+        int(item["ref"]),
+        np.array(item["vertices"], dtype=np.float64).reshape(-1, 3),
+        np.array(item["triangles"], dtype=np.int64).reshape(-1, 3),
+        np.array(item["uv"], dtype=np.float64).reshape(-1, 2),
+        texture,
+        float(item["metres_per_texel"]),
+        float(item["seen_fraction"]),
+    )
+
+
+def _texture(path: Path) -> NDArray[np.uint8]:
+    try:
+        data = np.frombuffer(path.read_bytes(), np.uint8)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+    if image is None:
+        raise InputError(f"{path}: is no picture, expected a PNG of recon build")
+    return np.asarray(image[:, :, ::-1], dtype=np.uint8)

@@ -139,7 +139,8 @@ def _write_camera(path: Path, camera: Camera) -> None:
 
 
 def _write_picture(path: Path, picture: NDArray[Any]) -> None:
-    _, data = cv2.imencode(path.suffix, picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if path.suffix == ".jpg" else []
+    _, data = cv2.imencode(path.suffix, picture, options)
     path.write_bytes(data.tobytes())
 
 

@@ -21,7 +21,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from recon.cli.progress import done_line
+from recon.cli.progress import done_line, rate_text
 from recon.progress import Stage
 
 
@@ -30,7 +30,7 @@ class RateColumn(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         """The unit and the rate."""
-        rate = f" {task.speed:.0f}/s" if task.speed else ""
+        rate = f" {rate_text(task.speed)}" if task.speed else ""
         return Text(f"{task.fields['unit']}{rate}")
 
 

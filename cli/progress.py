@@ -30,8 +30,13 @@ def done_line(name: str, count: int, unit: str, seconds: float) -> str:
     """How a stage went: its units, seconds and rate."""
     if count == 0:
         return f"{name}: {seconds:.1f} s"
-    rate = f", {count / seconds:.0f}/s" if seconds > 0.05 else ""
+    rate = f", {rate_text(count / seconds)}" if seconds > 0.05 else ""
     return f"{name}: {count} {unit} in {seconds:.1f} s{rate}"
+
+
+def rate_text(rate: float) -> str:
+    """Units a second, with a decimal where they are few."""
+    return f"{rate:.0f}/s" if rate >= 10 else f"{rate:.1f}/s"
 
 
 class _PlainStage:

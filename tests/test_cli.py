@@ -226,7 +226,7 @@ def test_long_stages_report_on_the_way(capsys: pytest.CaptureFixture[str], monke
             stage.advance(10)
     assert capsys.readouterr().err.splitlines() == [
         "image lines: 20 of 30 images after 12 s",
-        "image lines: 30 images in 40.0 s, 1/s",
+        "image lines: 30 images in 40.0 s, 0.8/s",
     ]
 
 

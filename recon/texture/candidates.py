@@ -10,7 +10,7 @@ from recon.sequence.camera import Camera
 from recon.texture.canvas import Canvas
 from recon.texture.view import Sight
 
-KEPT = 10
+KEPT = 8
 """Views a block: enough for a median that outvotes clutter."""
 BORDER = 0.04
 """Share of the image's height: lenses are worst at the border."""
@@ -27,7 +27,7 @@ class Candidates:
         self.colour = np.zeros((blocks, KEPT, 3), np.uint8)
 
     def offer(self, index: NDArray[np.int64], view: int, cost: Array, colour: NDArray[np.uint8]) -> None:
-        """View `view` sees blocks `index` (n,) at this cost (n,) and in these colours (n, 3): kept if among the best."""
+        """View `view` sees blocks `index` (n,) at this cost (n,), in these colours (n, 3): kept if among the best."""
         slot = self.cost[index].argmax(axis=1)
         better = cost < self.cost[index, slot]
         place = index[better], slot[better]

@@ -10,9 +10,9 @@ Grid = NDArray[np.float32]
 
 
 def push_pull(colour: Grid, weight: Grid) -> Grid:
-    """Colours (r, c, 3) with the holes, weight (r, c) = 0, filled smoothly from what surrounds them (Gortler et al. 1996).
+    """Colours (r, c, 3) with the holes, weight (r, c) = 0, filled smoothly from what surrounds them.
 
-    Averages over ever larger squares are taken from known cells only, then handed down to the unknown ones. Something
+    Gortler et al. 1996: averages over ever larger squares are taken from known cells only, then handed down to the unknown ones. Something
     must be known.
     """
     known = np.clip(weight, 0, 1)[..., None]

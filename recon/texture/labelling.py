@@ -7,6 +7,8 @@ avoid whatever the images place differently.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,22 +35,23 @@ def choose_views(cost: Grid, view: Views, deviation: Grid, shape: tuple[int, int
     own = np.where(np.isfinite(cost), cost, LARGE).astype(np.float32).reshape(full)
     leave = (SEAM_LEVEL * np.minimum(deviation, MOST) + SEAM / 2).astype(np.float32).reshape(full)
     label = view.reshape(full)
-    known = (label >= 0).any(axis=2)
-    field = _Field(own, leave, np.where(label < 0, -1, label), known)
+    field = _Field(own, leave, label)
     for _ in range(SWEEPS):
         for axis in (1, 0):
             field.sweep(axis)
     slot = field.belief().argmin(axis=2)
     chosen = np.take_along_axis(label, slot[..., None], axis=2)[..., 0]
-    return np.where(known, chosen, -1).astype(np.int32)
+    return np.where(field.known, chosen, -1).astype(np.int32)
 
 
 class _Field:
     """Messages between blocks. Axis 0: from above and from below; axis 1: from the left and from the right."""
 
-    def __init__(self, own: Grid, leave: Grid, label: Views, known: NDArray[np.bool_]) -> None:
-        self.own, self.leave, self.label, self.known = own, leave, label, known
+    def __init__(self, own: Grid, leave: Grid, label: Views) -> None:
+        self.own, self.leave = own, leave
+        self.known = np.asarray((label >= 0).any(axis=2))
         self.messages = {(axis, step): np.zeros_like(own) for axis in (0, 1) for step in (1, -1)}
+        self.twins = {(axis, step): _twins(label, axis, step) for axis in (0, 1) for step in (1, -1)}
 
     def belief(self) -> Grid:
         """Cost of every slot, all messages included."""
@@ -61,21 +64,21 @@ class _Field:
             self._pass(axis, step, np.moveaxis(np.asarray(across), axis, 0))
 
     def _pass(self, axis: int, step: int, base: Grid) -> None:
-        label, leave, known = (np.moveaxis(a, axis, 0) for a in (self.label, self.leave, self.known))
+        leave, known = np.moveaxis(self.leave, axis, 0), np.moveaxis(self.known, axis, 0)
+        twin = np.moveaxis(self.twins[axis, step], axis, 0)
         message = np.moveaxis(self.messages[axis, step], axis, 0)
-        order = range(len(label)) if step == 1 else range(len(label) - 1, -1, -1)
-        previous = None
-        for i in order:
-            if previous is not None:
-                sent = self._send(base[previous] + message[previous], previous, i, label, leave)
-                message[i] = np.where(known[previous][:, None] & known[i][:, None], sent, 0)
-            previous = i
+        lines = range(len(leave))[::step]
+        for source, target in pairwise(lines):
+            state = base[source] + message[source]
+            change = (state + leave[source]).min(axis=1)[:, None] + leave[target]
+            stay = np.take_along_axis(state, np.maximum(twin[target], 0), axis=1)
+            sent = np.where(twin[target] >= 0, np.minimum(change, stay), change)
+            sent -= sent.min(axis=1, keepdims=True)
+            message[target] = np.where((known[source] & known[target])[:, None], sent, 0)
 
-    @staticmethod
-    def _send(state: Grid, source: int, target: int, label: Views, leave: Grid) -> Grid:
-        """Cheapest way to each slot of the target: the same view goes on, or a seam."""
-        change = (state + leave[source]).min(axis=1)[:, None] + leave[target]
-        same = label[source][:, :, None] == label[target][:, None, :]
-        stay = np.where(same, state[:, :, None], LARGE).min(axis=1)
-        sent = np.minimum(change, stay)
-        return np.asarray(sent - sent.min(axis=1, keepdims=True))
+
+def _twins(label: Views, axis: int, step: int) -> NDArray[np.int64]:
+    """For every slot of a block the slot of the same view in the block before it along the axis, -1 for none."""
+    before = np.roll(label, step, axis=axis)
+    same = (label[..., :, None] == before[..., None, :]) & (label >= 0)[..., None]
+    return np.where(same.any(axis=-1), same.argmax(axis=-1), -1)

@@ -108,16 +108,17 @@ def _project(canvas: Canvas, rows: Range, columns: Range, shot: Shot, lens: Lens
     nodes = canvas.nodes(rows, columns)
     local = shot.map_from_camera.inverse().apply(nodes.reshape(-1, 3))
     pixels = enlarge(lens.project(local).reshape(*nodes.shape[:2], 2).astype(np.float32))
-    inside = (pixels >= 0).all(axis=2) & (pixels[..., 0] <= image.shape[1] - 1) & (pixels[..., 1] <= image.shape[0] - 1)
+    x, y = pixels[..., 0], pixels[..., 1]
+    inside = (x >= 0) & (y >= 0) & (x <= image.shape[1] - 1) & (y <= image.shape[0] - 1)
     source = pyramid(image, shot.level + 1)[-1]
-    at = at_level(np.where(inside[..., None], pixels, 0), image, source)
+    at = at_level(pixels, image, source)
     colour = cv2.remap(source, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     factor = enlarge(np.exp(shot.correction.at(rows, columns) + np.log(shot.gain).astype(np.float32)))
     return np.asarray(colour * factor), inside.astype(np.float32)
 
 
 def best_level(footprint: Sequence[float] | Array) -> int:
-    """Pyramid level for texels with these footprints, pixels: never one that loses what half of the texels could show."""
+    """Pyramid level for texels with these footprints, pixels: none that loses what half of the texels could show."""
     return int(level_of(float(np.median(footprint)) / 1.4, 16))
 
 

@@ -20,7 +20,7 @@ from recon.texture.ordered import ordered_map
 from recon.texture.view import Image, Lens, Sight, look, pyramid, sample
 
 TOLERANCE = 0.05
-"""m: a ray that ends this much before a point has still met it (corners, walls that stand a little before their place)."""
+"""m: a ray that ends this much before a point has still met it (corners, walls that stand a little too near)."""
 EXPOSURE_STRIDE = 4
 """Blocks between the points that exposure is compared at."""
 MIN_STEP, MIN_TURN = 0.10, np.deg2rad(4.0)
@@ -36,7 +36,7 @@ class Rig:
     """The camera, its pose at every image (None: not known) and the surfaces that hide one another."""
 
     lens: Lens
-    poses: Sequence[Pose3 | None]
+    poses: list[Pose3 | None]
     scene: RayScene
 
 
@@ -57,22 +57,26 @@ def useful_images(poses: Sequence[Pose3 | None]) -> list[int]:
     return out
 
 
-def best_resolution(rig: Rig, face: Face, images: list[int]) -> float | None:
-    """Metres per texel worth having where the face is seen best (its best tenth); None when no image sees it."""
+def probe(rig: Rig, face: Face, images: list[int]) -> NDArray[np.float32]:
+    """Pixels per metre (len(images), points) with which images see points spread over a face, 0 where they do not."""
     plane = Plane.of(face)
     counts = [int(np.clip(np.ceil(side / 0.2), 2, PROBES)) for side in plane.size]
     canvas = Canvas(face, plane, *(BLOCK * count for count in counts))
     points, some = canvas.block_points
     points = points[some]
-    best = np.zeros(len(points))
-    for i in images:
+    found = np.zeros((len(images), len(points)), np.float32)
+    for k, i in enumerate(images):
         pose = rig.poses[i]
         if pose is not None:
             sight = _visible(rig.scene, pose, points, look(rig.lens, pose, points, canvas.axes, 0.01))
-            best[sight.index] = np.maximum(best[sight.index], np.sqrt(sight.fine * sight.coarse))
-    if not best.any():
-        return None
-    return DETAIL / float(np.percentile(best[best > 0], 90))
+            found[k, sight.index] = np.sqrt(sight.fine * sight.coarse)
+    return found
+
+
+def best_resolution(seen: NDArray[np.float32]) -> float | None:
+    """Metres per texel worth having where a face is seen best (its best tenth); None when no image sees it."""
+    best = seen.max(axis=0, initial=0)
+    return DETAIL / float(np.percentile(best[best > 0], 90)) if best.any() else None
 
 
 def survey(

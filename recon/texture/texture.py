@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from threading import Lock
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.config import TextureConfig
 from recon.geometry import Array, Pose3
@@ -16,17 +15,22 @@ from recon.model import Face
 from recon.progress import SILENT, Progress
 from recon.raycast import RayScene
 from recon.sequence.camera import Camera
+from recon.texture.alignment import align, partners
+from recon.texture.cache import ImageCache
 from recon.texture.candidates import Candidates
 from recon.texture.canvas import Canvas
 from recon.texture.consensus import agree, clutter_cost, correct
 from recon.texture.labelling import choose_views
+from recon.texture.matches import Matcher, contrast
 from recon.texture.ordered import ordered_map
 from recon.texture.render import Shot, best_level, render
-from recon.texture.survey import Rig, best_resolution, survey, useful_images
+from recon.texture.survey import Rig, best_resolution, probe, survey, useful_images
 from recon.texture.view import Image, Lens
 
-CACHE_BYTES = 96 << 20
-"""Decoded images held at a time."""
+CACHE_BYTES, SMALL_BYTES = 96 << 20, 32 << 20
+"""Decoded images, and small grey ones, held at a time."""
+PARTNERS = 3
+"""Earlier images that each image is aligned with."""
 LEAST_SEEN = 0.02
 """A face of which less was seen gets no picture: a filled one would be made up."""
 
@@ -50,18 +54,19 @@ def texture_faces(
     seamless mosaicing as labelling), unless most images say that something stands in front there.
     """
     config = TextureConfig() if config is None else config
-    rig = Rig(Lens.of(camera), map_from_camera, RayScene(faces))
+    rig = Rig(Lens.of(camera), list(map_from_camera), RayScene(faces))
     images = useful_images(map_from_camera)
-    resolution = [best_resolution(rig, face, images) for face in faces]
+    seen = [probe(rig, face, images) for face in faces]
+    rig = replace(rig, poses=_aligned(rig, faces, images, seen, load, workers, progress))
     canvases = [
         Canvas.of(face, max(config.metres_per_texel, finest), config.max_texture_size)
-        for face, finest in zip(faces, resolution, strict=True)
+        for face, finest in zip(faces, map(best_resolution, seen), strict=True)
         if finest is not None
     ]
     with progress.stage("views of faces", total=len(images), unit="images") as stage:
         candidates, samples = survey(rig, canvases, images, load, workers, stage)
     gains = samples.gains(len(map_from_camera))
-    cached = _Cache(load)
+    cached = ImageCache(load, CACHE_BYTES)
     textured: dict[str, Face] = {}
 
     def paint(k: int) -> Face:
@@ -72,6 +77,31 @@ def texture_faces(
             textured[face.name] = face
             stage.advance()
     return tuple(textured.get(face.name, face) for face in faces)
+
+
+def _aligned(
+    rig: Rig,
+    faces: tuple[Face, ...],
+    images: list[int],
+    seen: list[NDArray[np.float32]],
+    load: Callable[[int], Image | None],
+    workers: int,
+    progress: Progress,
+) -> list[Pose3 | None]:
+    """The poses, moved so that images agree on the faces."""
+
+    def small(i: int) -> Image | None:
+        image = load(i)
+        return None if image is None else contrast(image)
+
+    matcher = Matcher(rig.lens, rig.scene, rig.poses, ImageCache(small, SMALL_BYTES))
+    pairs = partners(np.concatenate(seen, axis=1), PARTNERS) if seen else []
+    matches = []
+    with progress.stage("aligning images", total=len(pairs), unit="pairs") as stage:
+        for found in ordered_map(lambda p: matcher.match(images[p[0]], images[p[1]]), pairs, workers):
+            matches += [] if found is None else [found]
+            stage.advance()
+    return align(rig.poses, matches, faces, rig.lens.camera)
 
 
 def _paint(canvas: Canvas, candidates: Candidates, gains: Array, rig: Rig, load: Callable[[int], Image | None]) -> Face:
@@ -94,27 +124,3 @@ def _paint(canvas: Canvas, candidates: Candidates, gains: Array, rig: Rig, load:
     picture, seen_fraction = render(canvas, choice, shots, rig.lens, load)
     texture = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
     return replace(canvas.face, texture=texture, metres_per_texel=canvas.texel, seen_fraction=seen_fraction)
-
-
-class _Cache:
-    """The images decoded last."""
-
-    def __init__(self, load: Callable[[int], Image | None]) -> None:
-        self._load, self._lock = load, Lock()
-        self._held: OrderedDict[int, Image | None] = OrderedDict()
-        self._bytes = 0
-
-    def __call__(self, index: int) -> Image | None:
-        with self._lock:
-            if index in self._held:
-                self._held.move_to_end(index)
-                return self._held[index]
-        image = self._load(index)
-        with self._lock:
-            if index not in self._held:
-                self._held[index] = image
-                self._bytes += 0 if image is None else image.nbytes
-            while self._bytes > CACHE_BYTES and len(self._held) > 1:
-                _, old = self._held.popitem(last=False)
-                self._bytes -= 0 if old is None else old.nbytes
-        return image

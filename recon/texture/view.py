@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -23,13 +24,15 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera and how far from its axis it sees. radius: |(x, y)| / z of the farthest pixel.
+    """A camera and what it can see: (x, y) / z between low (2,) and high (2,), and not longer than `radius`.
 
-    Beyond that radius a polynomial distortion may fold points back into the image: they are never projected.
+    Beyond, a polynomial distortion may fold points back into the image: they are never projected.
     """
 
     camera: Camera
     radius: float
+    low: Array
+    high: Array
 
     @staticmethod
     def of(camera: Camera) -> Lens:
@@ -37,14 +40,16 @@ class Lens:
         w, h = camera.width - 1, camera.height - 1
         t = np.linspace(0, 1, 65)[:, None]
         corners = np.array([[0, 0], [w, 0], [w, h], [0, h], [0, 0]], dtype=np.float64)
-        border = np.concatenate([a + t * (b - a) for a, b in zip(corners[:-1], corners[1:], strict=True)])
-        return Lens(camera, float(np.linalg.norm(camera.undistort(border), axis=1).max()))
+        border = camera.undistort(np.concatenate([a + t * (b - a) for a, b in pairwise(corners)]))
+        low, high = border.min(axis=0), border.max(axis=0)
+        radius = float(np.linalg.norm(border, axis=1).max())
+        return Lens(camera, 1.02 * radius, low - 0.02 * (high - low), high + 0.02 * (high - low))
 
     def project(self, points: Array) -> Array:
-        """Points (N, 3), camera frame, as pixels (N, 2) of the raw image; nan outside the cone that the image covers."""
-        z = points[:, 2]
-        reach = (1.02 * self.radius * z) ** 2
-        use = (z > NEAR) & (points[:, 0] ** 2 + points[:, 1] ** 2 < reach)
+        """Points (N, 3), camera frame, as pixels (N, 2) of the raw image; nan outside the cone that it covers."""
+        x, y, z = points.T
+        use = (z > NEAR) & (x > self.low[0] * z) & (x < self.high[0] * z) & (y > self.low[1] * z)
+        use &= (y < self.high[1] * z) & (x * x + y * y < (self.radius * z) ** 2)
         pixels = np.full((len(points), 2), np.nan)
         if use.any():
             pixels[use] = self.camera.project(points[use])
@@ -73,7 +78,8 @@ def look(lens: Lens, map_from_camera: Pose3, points: Array, axes: Array, spacing
     index = np.flatnonzero(_facing(map_from_camera, points, axes))
     local = camera_from_map.apply(points[index])
     pixels = lens.project(local)
-    index, local, pixels = (a[_within(pixels, lens.camera, 1.0)] for a in (index, local, pixels))
+    inside = _within(pixels, lens.camera, 1.0)
+    index, local, pixels = index[inside], local[inside], pixels[inside]
     step = 0.25 * spacing
     turned = axes @ camera_from_map.rotation.T
     along = [(lens.project(local + step * axis) - pixels) / step for axis in turned]

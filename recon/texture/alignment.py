@@ -1,0 +1,142 @@
+"""Camera poses moved a little so that images agree on the faces: seams do not show where they do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, Pose3
+from recon.model import Face
+from recon.sequence.camera import Camera
+from recon.texture.canvas import Plane
+from recon.texture.matches import Matches
+
+PRIOR_TURN, PRIOR_MOVE = np.deg2rad(0.3), 0.015
+"""Standard deviations of the poses given, rad and m: matches move them no further without reason."""
+NOISE, FULL_WEIGHT = 0.7, 60
+"""Pixels, of one match; matches of a pair of images count as at most so many: their errors are not independent."""
+ITERATIONS = 6
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Matches as rays (m, 3) with z = 1 in the camera frames, and the planes (points and normals (m, 3)) they meet."""
+
+    first: int
+    second: int
+    first_rays: Array
+    second_rays: Array
+    point: Array
+    normal: Array
+
+
+def align(
+    poses: list[Pose3 | None], matches: list[Matches], faces: tuple[Face, ...], camera: Camera
+) -> list[Pose3 | None]:
+    """Poses under which matched pixels meet the same points of the faces.
+
+    Gauss-Newton on small turns and moves of all cameras with a prior on the poses given; Geman-McClure weights whose
+    scale follows the residuals, since what is not on a face (clutter, reflections) matches too.
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import spsolve
+
+    pairs = [_rays(m, faces, camera) for m in matches if len(m.face)]
+    if not pairs:
+        return poses
+    used = sorted({i for pair in pairs for i in (pair.first, pair.second)})
+    column = {image: 6 * k for k, image in enumerate(used)}
+    focal = float(np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1]))
+    prior = np.tile(np.repeat([1 / PRIOR_TURN, 1 / PRIOR_MOVE], 3) ** 2, len(used))
+    moved = np.zeros(len(prior))
+    current = list(poses)
+    for _ in range(ITERATIONS):
+        rows = [_linearise(pair, current, focal) for pair in pairs]
+        scale = max(1.5 * NOISE, 1.5 * float(np.median(np.concatenate([np.linalg.norm(r[0], axis=1) for r in rows]))))
+        normal = sparse.lil_matrix((len(prior), len(prior)))
+        right = -prior * moved
+        for pair, (residual, jacobian) in zip(pairs, rows, strict=True):
+            weight = 1 / (1 + (residual**2).sum(axis=1) / scale**2) ** 2 / NOISE**2
+            weight *= min(1.0, FULL_WEIGHT / len(weight))
+            place = np.r_[column[pair.first] : column[pair.first] + 6, column[pair.second] : column[pair.second] + 6]
+            normal[np.ix_(place, place)] += np.einsum("m,mki,mkj->ij", weight, jacobian, jacobian)
+            right[place] -= np.einsum("m,mki,mk->i", weight, jacobian, residual)
+        step = np.asarray(spsolve((normal + sparse.diags(prior)).tocsc(), right))
+        moved += step
+        for image in used:
+            current[image] = _moved(current[image], step[column[image] : column[image] + 6])
+    return current
+
+
+def _rays(matches: Matches, faces: tuple[Face, ...], camera: Camera) -> _Pair:
+    planes = {int(k): Plane.of(faces[k]) for k in np.unique(matches.face)}
+    point = np.array([planes[int(k)].origin for k in matches.face])
+    normal = np.array([planes[int(k)].normal for k in matches.face])
+    ends = [
+        np.column_stack([camera.undistort(p), np.ones(len(p))]) for p in (matches.first_pixels, matches.second_pixels)
+    ]
+    return _Pair(matches.first, matches.second, ends[0], ends[1], point, normal)
+
+
+def _linearise(pair: _Pair, poses: list[Pose3 | None], focal: float) -> tuple[Array, Array]:
+    """Residuals (m, 2), pixels, and their derivatives (m, 2, 12) by turn and move of the first and second camera.
+
+    The second camera's ray meets the plane at X; the residual is where the first camera sees X less where it should.
+    A pose moves as pose * exp(turn, move), in the camera frame.
+    """
+    a, b = poses[pair.first], poses[pair.second]
+    if a is None or b is None:
+        raise ValueError("matches of an image without a pose")
+    ray = pair.second_rays @ b.rotation.T
+    slope = np.einsum("mi,mi->m", pair.normal, ray)
+    slope = np.where(np.abs(slope) < 1e-6, 1e-6, slope)
+    depth = np.einsum("mi,mi->m", pair.normal, pair.point - b.translation) / slope
+    local = a.inverse().apply(b.translation + depth[:, None] * ray)
+    z = np.where(local[:, 2] > 0.05, local[:, 2], np.inf)[:, None]
+    seen = local[:, :2] / z
+    residual = focal * (seen - pair.first_rays[:, :2])
+    # X slides along the plane when the second camera moves: (I - ray normal' / slope) (R move + depth R (turn x ray)).
+    slide = np.eye(3) - ray[:, :, None] * pair.normal[:, None, :] / slope[:, None, None]
+    turn = -depth[:, None, None] * (b.rotation @ _cross(pair.second_rays))
+    by_second = np.concatenate([turn, np.broadcast_to(b.rotation, turn.shape)], axis=2)
+    by_second = a.rotation.T @ (slide @ by_second)
+    by_first = np.concatenate([_cross(local), np.broadcast_to(-np.eye(3), turn.shape)], axis=2)
+    by_point = np.zeros((len(ray), 2, 3))
+    by_point[:, 0, 0] = by_point[:, 1, 1] = (focal / z)[:, 0]
+    by_point[:, :, 2] = -focal * seen / z
+    return residual, by_point @ np.concatenate([by_first, by_second], axis=2)
+
+
+def _cross(vectors: Array) -> Array:
+    """Matrices (m, 3, 3) of v x."""
+    out = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x
+    return out - out.transpose(0, 2, 1)
+
+
+def _moved(pose: Pose3 | None, step: Array) -> Pose3 | None:
+    import cv2
+
+    if pose is None:
+        return None
+    turn = np.asarray(cv2.Rodrigues(step[:3])[0], dtype=np.float64)
+    return pose @ Pose3(turn, step[3:])
+
+
+def partners(seen: NDArray[np.float32], count: int) -> list[tuple[int, int]]:
+    """Pairs of rows worth matching: every row with the `count` earlier ones that see most of the same points well.
+
+    seen: (images, points) resolution, 0 where not seen.
+    """
+    from scipy import sparse
+
+    good = sparse.csr_matrix((seen > 0.3 * seen.max(axis=0, keepdims=True)) & (seen > 0), dtype=np.int32)
+    shared = (good @ good.T).toarray()
+    pairs = []
+    for i in range(1, len(shared)):
+        ranked = np.argsort(-shared[i, :i][::-1], kind="stable")[:count]  # the latest first among equals
+        pairs += [(i, i - 1 - int(k)) for k in ranked if shared[i, i - 1 - int(k)] > 0]
+    return pairs

@@ -1,0 +1,119 @@
+"""Where one image sees what another one sees, found by way of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, Pose3
+from recon.raycast import RayScene
+from recon.texture.view import Image, Lens
+
+WORKING_WIDTH = 360
+"""Pixels: images are matched at about this width."""
+NODE = 8
+"""Pixels of the small image between points whose place in the other image is computed; linear in between."""
+CORNERS, CORNER_DISTANCE, CORNER_QUALITY = 250, 7, 0.01
+WINDOW = (17, 17)
+MAX_RETURN = 0.5
+"""Pixels: tracked there and back, a point must come back this near."""
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Points seen by images `first` and `second`: pixels (m, 2) of the raw images, on faces (m,)."""
+
+    first: int
+    second: int
+    first_pixels: Array
+    second_pixels: Array
+    face: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Matcher:
+    """Finds matches. scene: surfaces; poses: of all images; small(i): image i as `contrast` gives it, or None."""
+
+    lens: Lens
+    scene: RayScene
+    poses: list[Pose3 | None]
+    small: Callable[[int], Image | None]
+
+    def match(self, first: int, second: int) -> Matches | None:
+        """The second image is drawn as the first one should see it, and corners are tracked from one to the other.
+
+        So matches differ by pose errors only, not by perspective (Lucas-Kanade needs that). None where nothing fits.
+        """
+        a, b = self.small(first), self.small(second)
+        pose_a, pose_b = self.poses[first], self.poses[second]
+        if a is None or b is None or pose_a is None or pose_b is None:
+            return None
+        corners = cv2.goodFeaturesToTrack(a, CORNERS, CORNER_QUALITY, CORNER_DISTANCE)
+        if corners is None:
+            return None
+        scale = self.lens.camera.width / a.shape[1]
+        place, face = self._transfer(pose_a, pose_b, a.shape, scale)
+        drawn = cv2.remap(b, (place + 0.5) / scale - 0.5, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        found, ok = _track(a, drawn, corners)
+        start, end = corners.reshape(-1, 2)[ok], found.reshape(-1, 2)[ok]
+        on = _owner(face, start)
+        second_pixels = _read(place, end)
+        keep = (on >= 0) & (on == _owner(face, end)) & np.isfinite(second_pixels).all(axis=1)
+        first_pixels = (start[keep].astype(np.float64) + 0.5) * scale - 0.5
+        return Matches(first, second, first_pixels, second_pixels[keep].astype(np.float64), on[keep])
+
+    def _transfer(
+        self, pose_a: Pose3, pose_b: Pose3, shape: tuple[int, ...], scale: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Pixels (h, w, 2) of raw image b for every pixel of the small image a, nan outside; face (r, c) at nodes."""
+        rows, columns = -(-shape[0] // NODE) + 1, -(-shape[1] // NODE) + 1
+        x, y = np.meshgrid(np.arange(columns) * NODE, np.arange(rows) * NODE)
+        pixels = (np.stack([x.ravel(), y.ravel()], axis=1) + 0.5) * scale - 0.5
+        rays = np.column_stack([self.lens.camera.undistort(pixels), np.ones(len(pixels))])
+        directions = rays @ pose_a.rotation.T
+        reach, face = self.scene.cast(pose_a.translation, directions)
+        reach = np.where(np.isfinite(reach), reach, 1.0)
+        points = pose_a.translation + directions * reach[:, None]
+        seen = self.lens.project(pose_b.inverse().apply(points)).astype(np.float32).reshape(rows, columns, 2)
+        maps = np.stack(np.meshgrid(np.arange(shape[1]), np.arange(shape[0])), axis=2).astype(np.float32) / NODE
+        full = cv2.remap(seen, maps, None, cv2.INTER_LINEAR)
+        return np.asarray(full), face.reshape(rows, columns)
+
+
+def contrast(image: Image) -> Image:
+    """A small grey picture of an image without its exposure and shading: logarithm less its local mean."""
+    factor = max(round(image.shape[1] / WORKING_WIDTH), 1)
+    size = (image.shape[1] // factor, image.shape[0] // factor)
+    grey = cv2.cvtColor(cv2.resize(image, size, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY)
+    log = np.log(grey.astype(np.float32) + 8)
+    return np.clip(128 + 120 * (log - cv2.GaussianBlur(log, (0, 0), 12)), 0, 255).astype(np.uint8)
+
+
+def _track(a: Image, b: Image, corners: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where the corners are in b, and whether that is sure (tracked back they return)."""
+    options = {"winSize": WINDOW, "maxLevel": 2}
+    found, status, _ = cv2.calcOpticalFlowPyrLK(a, b, corners, None, **options)
+    back, status_back, _ = cv2.calcOpticalFlowPyrLK(b, a, found, None, **options)
+    distance = np.linalg.norm((back - corners).reshape(-1, 2), axis=1)
+    return found, (status.ravel() == 1) & (status_back.ravel() == 1) & (distance < MAX_RETURN)
+
+
+def _owner(face: NDArray[np.int64], pixels: NDArray[np.float32]) -> NDArray[np.int64]:
+    """The face around pixels (m, 2) of the small image: that of all four nodes, -1 where they differ."""
+    cell = np.floor(pixels / NODE).astype(np.int64)
+    c, r = (np.clip(cell[:, k], 0, face.shape[1 - k] - 2) for k in (0, 1))
+    own = face[r, c]
+    same = (face[r + 1, c] == own) & (face[r, c + 1] == own) & (face[r + 1, c + 1] == own)
+    return np.where(same, own, -1)
+
+
+def _read(place: NDArray[np.float32], pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values (m, 2) of a map (h, w, 2) at pixels (m, 2)."""
+    if len(pixels) == 0:
+        return np.zeros((0, 2), np.float32)
+    read = cv2.remap(place, pixels.reshape(-1, 1, 2), None, cv2.INTER_LINEAR, borderValue=(np.nan, np.nan))
+    return np.asarray(read).reshape(-1, 2)

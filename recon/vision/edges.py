@@ -54,7 +54,7 @@ def find_edges(grey: NDArray[np.uint8]) -> EdgeChains:
 def canny_thresholds(dx: NDArray[np.int16], dy: NDArray[np.int16]) -> tuple[float, float]:
     """Hysteresis thresholds (low, high) for Sobel gradients (H, W) each, from the gradient's own noise.
 
-    A quantile moves with the exposure, and a low one is the noise of even surfaces also where half the image is texture.
+    A quantile moves with the exposure; a low one is the noise of even surfaces also where half the image is texture.
     """
     sample = np.hypot(dx[::3, ::3].astype(np.float32), dy[::3, ::3].astype(np.float32)).ravel()
     if sample.size == 0:
@@ -66,7 +66,7 @@ def canny_thresholds(dx: NDArray[np.int16], dy: NDArray[np.int16]) -> tuple[floa
 
 @numba.njit(cache=True)
 def _crossings(edges: NDArray[np.uint8], r: int, c: int) -> int:
-    """How often the ring of eight neighbours changes from off to on: 1 an end, 2 along a line, 3 and more a junction."""
+    """How often the ring of eight neighbours goes from off to on: 1 an end, 2 along a line, 3 and more a junction."""
     ring = (
         edges[r - 1, c - 1], edges[r - 1, c], edges[r - 1, c + 1], edges[r, c + 1],
         edges[r + 1, c + 1], edges[r + 1, c], edges[r + 1, c - 1], edges[r, c - 1],
@@ -116,7 +116,7 @@ def _classify(edges: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
 
 
 @numba.njit(cache=True)
-def _walk(state: NDArray[np.uint8], pixels: NDArray[np.int32], n: int, dr: int, dc: int) -> int:
+def _walk(state: NDArray[np.uint8], pixels: NDArray[np.int64], n: int, dr: int, dc: int) -> int:
     """Walk on from pixels[n - 1], the last step being (dr, dc), to an end or a junction; the new number of pixels."""
     r, c = pixels[n - 1, 0], pixels[n - 1, 1]
     while True:
@@ -132,10 +132,19 @@ def _walk(state: NDArray[np.uint8], pixels: NDArray[np.int32], n: int, dr: int, 
 
 
 @numba.njit(cache=True)
-def _link(edges: NDArray[np.uint8], min_pixels: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _reverse(pixels: NDArray[np.int64], a: int, b: int) -> None:
+    """Turn round the pixels a to b."""
+    while a < b:
+        for k in range(2):
+            pixels[a, k], pixels[b, k] = pixels[b, k], pixels[a, k]
+        a, b = a + 1, b - 1
+
+
+@numba.njit(cache=True)
+def _link(edges: NDArray[np.uint8], min_pixels: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Chains as pixels (P, 2) row, column and starts (C + 1,); chains shorter than `min_pixels` are dropped."""
     state, total = _classify(edges)
-    pixels = np.empty((3 * total + 1, 2), np.int32)  # a pixel, and a junction at both ends of its chain
+    pixels = np.empty((3 * total + 1, 2), np.int64)  # a pixel, and a junction at both ends of its chain
     starts = np.zeros(total + 1, np.int64)
     chains, n = 0, 0
     for r in range(1, edges.shape[0] - 1):
@@ -146,7 +155,7 @@ def _link(edges: NDArray[np.uint8], min_pixels: int) -> tuple[NDArray[np.int32],
             state[r, c] = 3
             pixels[n, 0], pixels[n, 1] = r, c
             n = _walk(state, pixels, n + 1, 0, 0)
-            pixels[begin:n] = pixels[begin:n][::-1].copy()
+            _reverse(pixels, begin, n - 1)
             if n - begin > 1:
                 n = _walk(state, pixels, n, r - pixels[n - 2, 0], c - pixels[n - 2, 1])
             if n - begin < min_pixels:
@@ -154,12 +163,12 @@ def _link(edges: NDArray[np.uint8], min_pixels: int) -> tuple[NDArray[np.int32],
             else:
                 chains += 1
                 starts[chains] = n
-    return pixels[:n].copy(), starts[: chains + 1].copy()
+    return pixels[:n], starts[: chains + 1]
 
 
 @numba.njit(cache=True)
 def _refine(
-    pixels: NDArray[np.int32], dx: NDArray[np.int16], dy: NDArray[np.int16]
+    pixels: NDArray[np.int64], dx: NDArray[np.int16], dy: NDArray[np.int16]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (P, 2) x, y and unit gradients (P, 2): the peak of the gradient's magnitude across the edge.
 

@@ -66,7 +66,9 @@ def horizon(camera: Camera, vertical: Array) -> Array:
     return np.asarray(line / max(float(np.hypot(line[0], line[1])), 1e-12))
 
 
-def boundary_candidates(endpoints: Array, labels: NDArray[np.int64], camera: Camera, vertical: Array) -> NDArray[np.int64]:
+def boundary_candidates(
+    endpoints: Array, labels: NDArray[np.int64], camera: Camera, vertical: Array
+) -> NDArray[np.int64]:
     """Indices (B,) of the lines that are not vertical and lie wholly below the horizon.
 
     Without a vertical (nan) the horizon is taken for the row of the principal point.
@@ -88,9 +90,7 @@ def _segments(grey: NDArray[np.uint8], camera: Camera, config: VisionConfig) -> 
     return fit_segments(points, chains.gradients, chains.starts, stretch, config.min_length, floor)
 
 
-def _frame(
-    endpoints: Array, sigmas: Array, labels: NDArray[np.int64], directions: Array, camera: Camera
-) -> FrameLines:
+def _frame(endpoints: Array, sigmas: Array, labels: NDArray[np.int64], directions: Array, camera: Camera) -> FrameLines:
     """Everything put together."""
     boundary = boundary_candidates(endpoints, labels, camera, directions[0])
     return FrameLines(endpoints, sigmas, labels, directions, boundary)

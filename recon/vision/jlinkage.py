@@ -1,4 +1,4 @@
-"""J-linkage: clusters of lines that share vanishing points (Toldo and Fusiello 2008; Tardif 2009; paper, section 2.2)."""
+"""J-linkage: lines that share vanishing points (Toldo and Fusiello 2008; Tardif 2009; paper, section 2.2)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def j_linkage(preferences: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 @numba.njit(cache=True)
-def _popcount(word: np.uint64) -> int:
+def _popcount(word: np.uint64) -> np.int64:
     """Number of bits set."""
     w = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
     w = (w & np.uint64(0x3333333333333333)) + ((w >> np.uint64(2)) & np.uint64(0x3333333333333333))
@@ -49,12 +49,12 @@ def _popcount(word: np.uint64) -> int:
 
 
 @numba.njit(cache=True)
-def _jaccard(a: NDArray[np.uint64], b: NDArray[np.uint64]) -> float:
-    """1 - |a and b| / |a or b|, 1 for two empty sets."""
+def _jaccard(rows: NDArray[np.uint64], i: int, j: int) -> float:
+    """1 - |a and b| / |a or b| of rows i and j, 1 for two empty sets."""
     both, either = 0, 0
-    for k in range(len(a)):
-        both += _popcount(a[k] & b[k])
-        either += _popcount(a[k] | b[k])
+    for k in range(rows.shape[1]):
+        both += _popcount(rows[i, k] & rows[j, k])
+        either += _popcount(rows[i, k] | rows[j, k])
     return 1.0 - both / either if both > 0 else 1.0
 
 
@@ -64,7 +64,7 @@ def _nearest(rows: NDArray[np.uint64], alive: NDArray[np.bool_], i: int) -> tupl
     at, least = -1, 1.0
     for j in range(i + 1, len(rows)):
         if alive[j]:
-            d = _jaccard(rows[i], rows[j])
+            d = _jaccard(rows, i, j)
             if d < least:
                 at, least = j, d
     return at, least
@@ -77,23 +77,27 @@ def _agglomerate(rows: NDArray[np.uint64]) -> NDArray[np.int64]:
     Each cluster remembers its nearest later one: after a merge only those that named one of the two look again.
     """
     n = len(rows)
-    owner = np.arange(n)
-    alive = np.ones(n, np.bool_)
-    at, least = np.full(n, -1), np.ones(n)
+    owner, at = np.empty(n, np.int64), np.empty(n, np.int64)
+    alive, least = np.ones(n, np.bool_), np.empty(n)
     for i in range(n):
+        owner[i] = i
         at[i], least[i] = _nearest(rows, alive, i)
     while True:
         i = int(np.argmin(least))
         if least[i] >= 1.0:
             return owner
         j = at[i]
-        rows[i] &= rows[j]
+        for w in range(rows.shape[1]):
+            rows[i, w] &= rows[j, w]
         alive[j], least[j] = False, 1.0
-        owner[owner == j] = i
         for k in range(n):
-            if alive[k] and (k == i or at[k] == i or at[k] == j):
+            if owner[k] == j:
+                owner[k] = i
+            if not alive[k]:
+                continue
+            if k == i or at[k] == i or at[k] == j:
                 at[k], least[k] = _nearest(rows, alive, k)
-            elif alive[k] and k < i:  # the new cluster may be nearer than it was
-                d = _jaccard(rows[k], rows[i])
+            elif k < i:  # the new cluster may be nearer than the old one was
+                d = _jaccard(rows, k, i)
                 if d < least[k]:
                     at[k], least[k] = i, d

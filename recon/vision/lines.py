@@ -16,7 +16,7 @@ TRIM = 2.5  # points further than this many rms from a first fit (corners, junct
 MERGE_RMS = 0.5  # px, of the points of two pieces about one common line
 MERGE_DISTANCE = 1.5  # px, of the ends of one piece from the line of the other
 MERGE_OVERLAP = 4.0  # px
-MERGE_GAP = (10.0, 0.3, 60.0)  # a gap of so many px always, or this share of both lengths, but at most so many px
+GAP_ALWAYS, GAP_SHARE, GAP_MOST = 10.0, 0.3, 60.0  # px; share of both lengths; px: the gap that a merger may close
 MERGE_COSINE = 0.7  # of the gradients: two edges of a thin dark line look the opposite way and stay apart
 
 
@@ -74,10 +74,10 @@ def _split(
         depth = 1
         while depth > 0:
             depth -= 1
-            a, b = stack[depth]
+            a, b = stack[depth, 0], stack[depth, 1]
             if b - a < min_points:
                 continue
-            x0, y0 = points[a]
+            x0, y0 = points[a, 0], points[a, 1]
             ux, uy = points[b - 1, 0] - x0, points[b - 1, 1] - y0
             length = np.hypot(ux, uy)
             worst, at = tolerance, -1
@@ -112,10 +112,19 @@ def _line(m: Array) -> tuple[float, float, float, float, float]:
 
 
 @numba.njit(cache=True)
-def _add(m: Array, x: float, y: float, stretch: float) -> None:
-    """One more point in the moments (7,)."""
-    w = 1.0 / (stretch * stretch)
-    m += np.array((1.0, w, w * x, w * y, w * x * x, w * x * y, w * y * y))
+def _moments(points: Array, stretch: Array, a: int, b: int, line: tuple[float, ...], limit: float, into: Array) -> None:
+    """Put the moments (7,) of the points a to b - 1 that are within `limit` (image px) of a line into `into`."""
+    cx, cy, ux, uy, _ = line
+    n, w_, x_, y_, xx, xy, yy = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(a, b):
+        x, y, s = points[i, 0], points[i, 1], stretch[i]
+        if abs(ux * (y - cy) - uy * (x - cx)) > limit * s:
+            continue
+        w = 1.0 / (s * s)
+        n += 1
+        w_, x_, y_ = w_ + w, x_ + w * x, y_ + w * y
+        xx, xy, yy = xx + w * x * x, xy + w * x * y, yy + w * y * y
+    into[0], into[1], into[2], into[3], into[4], into[5], into[6] = n, w_, x_, y_, xx, xy, yy
 
 
 @numba.njit(cache=True)
@@ -127,23 +136,21 @@ def _fit_pieces(
     moments, ends = np.zeros((n, 7)), np.zeros((n, 2, 2))
     fronts, scales = np.zeros((n, 2)), np.zeros(n)
     for p in range(n):
-        a, b = pieces[p]
-        first = np.zeros(7)
-        for i in range(a, b):
-            _add(first, points[i, 0], points[i, 1], stretch[i])
-        cx, cy, ux, uy, rms = _line(first)
-        limit = max(TRIM * rms, 0.1)
-        low, high = np.inf, -np.inf
+        a, b = pieces[p, 0], pieces[p, 1]
+        _moments(points, stretch, a, b, (0.0, 0.0, 1.0, 0.0, 0.0), np.inf, moments[p])
+        line = _line(moments[p])
+        limit = max(TRIM * line[4], 0.1)
+        _moments(points, stretch, a, b, line, limit, moments[p])
+        cx, cy, ux, uy, _ = line
+        low, high, gx, gy, scale = np.inf, -np.inf, 0.0, 0.0, 0.0
         for i in range(a, b):
             x, y = points[i, 0] - cx, points[i, 1] - cy
-            if abs(ux * y - uy * x) / stretch[i] > limit:
+            if abs(ux * y - uy * x) > limit * stretch[i]:
                 continue
-            _add(moments[p], points[i, 0], points[i, 1], stretch[i])
-            fronts[p] += gradients[i]
-            scales[p] += stretch[i]
+            gx, gy, scale = gx + gradients[i, 0], gy + gradients[i, 1], scale + stretch[i]
             low, high = min(low, ux * x + uy * y), max(high, ux * x + uy * y)
-        scales[p] /= moments[p, 0]
-        fronts[p] /= np.hypot(fronts[p, 0], fronts[p, 1]) + 1e-12
+        norm = np.hypot(gx, gy) + 1e-12
+        fronts[p, 0], fronts[p, 1], scales[p] = gx / norm, gy / norm, scale / moments[p, 0]
         ends[p, 0, 0], ends[p, 0, 1] = cx + low * ux, cy + low * uy
         ends[p, 1, 0], ends[p, 1, 1] = cx + high * ux, cy + high * uy
         _project_ends(moments[p], ends[p], fronts[p])
@@ -164,29 +171,35 @@ def _project_ends(m: Array, ends: Array, front: Array) -> None:
 
 
 @numba.njit(cache=True)
-def _gap(ends: Array, other: Array, scale: float, limit: float) -> float:
-    """Gap along the line of `ends` (2, 2) to `other`, in image px, negative where they overlap; inf if not collinear."""
-    dx, dy = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1]
-    length = np.hypot(dx, dy)
+def _gap(ends: Array, i: int, j: int, limit: float) -> float:
+    """Gap along the line of piece i to piece j, negative where they overlap; inf if j is off it by over `limit`."""
+    x0, y0 = ends[i, 0, 0], ends[i, 0, 1]
+    dx, dy = ends[i, 1, 0] - x0, ends[i, 1, 1] - y0
+    length = np.sqrt(dx * dx + dy * dy)
     ux, uy = dx / length, dy / length
     low, high = np.inf, -np.inf
     for k in range(2):
-        x, y = other[k, 0] - ends[0, 0], other[k, 1] - ends[0, 1]
-        if abs(ux * y - uy * x) > limit * scale:
+        x, y = ends[j, k, 0] - x0, ends[j, k, 1] - y0
+        if abs(ux * y - uy * x) > limit:
             return np.inf
         low, high = min(low, ux * x + uy * y), max(high, ux * x + uy * y)
-    return max(low - length, -high) / scale
+    return max(low - length, -high)
 
 
 @numba.njit(cache=True)
-def _joined(moments: Array, ends: Array, other: Array, scale: float) -> bool:
-    """Whether the line of the joined moments (7,) stays close to its points and to the four ends (2, 2), (2, 2)."""
-    cx, cy, ux, uy, rms = _line(moments)
+def _joined(moments: Array, ends: Array, i: int, j: int, scale: float, both: Array) -> bool:
+    """Whether the line of pieces i and j together stays close to its points and to the four ends.
+
+    both: (7,), on return the moments of the two.
+    """
+    for k in range(7):
+        both[k] = moments[i, k] + moments[j, k]
+    cx, cy, ux, uy, rms = _line(both)
     if rms > MERGE_RMS:
         return False
-    for k in range(2):
-        for e in (ends[k], other[k]):
-            if abs(ux * (e[1] - cy) - uy * (e[0] - cx)) > 0.67 * MERGE_DISTANCE * scale:
+    for p in (i, j):
+        for k in range(2):
+            if abs(ux * (ends[p, k, 1] - cy) - uy * (ends[p, k, 0] - cx)) > 0.67 * MERGE_DISTANCE * scale:
                 return False
     return True
 
@@ -196,42 +209,55 @@ def _merge(moments: Array, ends: Array, fronts: Array, scales: Array) -> NDArray
     """Join collinear neighbours in place, longest first, the nearest neighbour first; (n,) which pieces remain."""
     n = len(moments)
     alive = np.ones(n, np.bool_)
-    always, share, most = MERGE_GAP
+    both = np.empty(7)
     for i in range(n):
-        while alive[i]:
-            best, gap = -1, np.inf
-            length = np.hypot(ends[i, 1, 0] - ends[i, 0, 0], ends[i, 1, 1] - ends[i, 0, 1])
-            fx, fy = fronts[i]
+        best = i if alive[i] else -1
+        while best >= 0:
+            best, least = -1, np.inf
             for j in range(n):
-                if j == i or not alive[j] or fx * fronts[j, 0] + fy * fronts[j, 1] < MERGE_COSINE:
+                facing = fronts[i, 0] * fronts[j, 0] + fronts[i, 1] * fronts[j, 1]
+                if j == i or not alive[j] or facing < MERGE_COSINE:
                     continue
                 scale = max(scales[i], scales[j])
-                g = _gap(ends[i], ends[j], scale, MERGE_DISTANCE)
-                if g >= gap or g < -MERGE_OVERLAP:
+                gap = _gap(ends, i, j, MERGE_DISTANCE * scale)
+                if gap >= least or gap < -MERGE_OVERLAP * scale or gap > _allowed_gap(ends, i, j, scale):
                     continue
-                both = length + np.hypot(ends[j, 1, 0] - ends[j, 0, 0], ends[j, 1, 1] - ends[j, 0, 1])
-                allowed = min(max(always, share * both / scale), most)
-                if g < allowed and _joined(moments[i] + moments[j], ends[i], ends[j], scale):
-                    best, gap = j, g
-            if best < 0:
-                break
-            _absorb(moments, ends, fronts, scales, i, best)
-            alive[best] = False
+                if _joined(moments, ends, i, j, scale, both):
+                    best, least = j, gap
+            if best >= 0:
+                _absorb(moments, ends, fronts, scales, i, best)
+                alive[best] = False
     return alive
+
+
+@numba.njit(cache=True)
+def _allowed_gap(ends: Array, i: int, j: int, scale: float) -> float:
+    """The widest gap between pieces i and j that may be closed."""
+    total = 0.0
+    for p in (i, j):
+        total += np.hypot(ends[p, 1, 0] - ends[p, 0, 0], ends[p, 1, 1] - ends[p, 0, 1])
+    return min(max(GAP_ALWAYS * scale, GAP_SHARE * total), GAP_MOST * scale)
 
 
 @numba.njit(cache=True)
 def _absorb(moments: Array, ends: Array, fronts: Array, scales: Array, i: int, j: int) -> None:
     """Piece i becomes i and j together."""
-    ni, nj = moments[i, 0], moments[j, 0]
-    scales[i] = (ni * scales[i] + nj * scales[j]) / (ni + nj)
-    fronts[i] = ni * fronts[i] + nj * fronts[j]
-    fronts[i] /= np.hypot(fronts[i, 0], fronts[i, 1]) + 1e-12
-    moments[i] += moments[j]
-    _, _, ux, uy, _ = _line(moments[i])
-    four = np.concatenate((ends[i], ends[j]))
-    t = four[:, 0] * ux + four[:, 1] * uy
-    ends[i, 0], ends[i, 1] = four[np.argmin(t)], four[np.argmax(t)]
+    share = moments[j, 0] / (moments[i, 0] + moments[j, 0])
+    scales[i] += share * (scales[j] - scales[i])
+    gx = fronts[i, 0] + share * (fronts[j, 0] - fronts[i, 0])
+    gy = fronts[i, 1] + share * (fronts[j, 1] - fronts[i, 1])
+    norm = np.hypot(gx, gy) + 1e-12
+    fronts[i, 0], fronts[i, 1] = gx / norm, gy / norm
+    for k in range(7):
+        moments[i, k] += moments[j, k]
+    cx, cy, ux, uy, _ = _line(moments[i])
+    low, high = np.inf, -np.inf
+    for p in (i, j):
+        for k in range(2):
+            t = ux * (ends[p, k, 0] - cx) + uy * (ends[p, k, 1] - cy)
+            low, high = min(low, t), max(high, t)
+    ends[i, 0, 0], ends[i, 0, 1] = cx + low * ux, cy + low * uy
+    ends[i, 1, 0], ends[i, 1, 1] = cx + high * ux, cy + high * uy
     _project_ends(moments[i], ends[i], fronts[i])
 
 

@@ -11,7 +11,12 @@ from recon.vision.frame import HORIZONTAL_1, HORIZONTAL_2, OUTLIER, VERTICAL, Fr
 from recon.vision.frame_lines import horizon
 
 # Blue, green, red
-COLOURS = {VERTICAL: (255, 255, 255), HORIZONTAL_1: (255, 90, 30), HORIZONTAL_2: (40, 40, 255), OUTLIER: (120, 120, 120)}
+COLOURS = {
+    VERTICAL: (255, 255, 255),
+    HORIZONTAL_1: (255, 90, 30),
+    HORIZONTAL_2: (40, 40, 255),
+    OUTLIER: (120, 120, 120),
+}
 CANDIDATE, HORIZON = (0, 235, 255), (255, 0, 255)
 FRACTION_BITS = 4
 

@@ -11,7 +11,9 @@ from recon.geometry import Array
 from recon.sequence.camera import Camera
 from recon.vision.rectify import stretch_at
 
-MODEL_SIGMA = 0.3  # px of the image: edges of a building are not quite straight and parallel, nor is the lens model exact
+MODEL_SIGMA = (
+    0.3  # px of the image: edges of a building are not quite straight and parallel, nor is the lens model exact
+)
 TUKEY = 4.685  # standard deviations: 95 % efficient on Gaussian residuals
 
 

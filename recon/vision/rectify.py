@@ -63,7 +63,7 @@ def _table(camera: Camera) -> Array:
         ok &= np.linalg.norm(xy, axis=1) < np.tan(MAX_OFF_AXIS)
     xy[~ok] = np.nan
     rectified = (xy @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]).reshape(len(rows), len(columns), 2)
-    along_v, along_u = np.gradient(rectified, NODE_STEP, axis=(0, 1))
+    along_v, along_u = (np.asarray(np.gradient(rectified, NODE_STEP, axis=k)) for k in (0, 1))
     area = along_u[..., 0] * along_v[..., 1] - along_u[..., 1] * along_v[..., 0]
     with np.errstate(invalid="ignore"):
         stretch = np.sqrt(np.where(area > 0, area, np.nan))
@@ -91,7 +91,7 @@ def stretch_at(camera: Camera, rectified: Array) -> Array:
     if not camera.is_distorted:
         return np.ones(len(rectified))
     inverse = np.linalg.inv(camera.matrix)
-    corners = np.concatenate([rectified, rectified + [1.0, 0.0], rectified + [0.0, 1.0]])
+    corners = np.concatenate([rectified, rectified + np.array([1.0, 0.0]), rectified + np.array([0.0, 1.0])])
     raw = camera.project(np.concatenate([corners, np.ones((len(corners), 1))], axis=1) @ inverse.T)
     a, b, c = np.split(raw, 3)
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T

@@ -15,11 +15,12 @@ MAX_LINES = 200  # the longest ones take part in J-linkage
 HYPOTHESES = 400
 MIN_CLUSTER = 3
 MAX_CLUSTERS = 10
-MIN_LINES = 3  # of a direction, to be called found
-MIN_LINES_INFERRED = 4  # of each of two horizontals, to say where the vertical is without any vertical line
+MIN_LINES = 3  # of a direction, to be called found; one is enough for the horizontal that another fixes
 # A camera on a platform looks 0 to 45 degrees down and is rolled by up to 10; some room on every side.
 TILT_RANGE = (np.deg2rad(-12.0), np.deg2rad(57.0))
 MAX_ROLL = np.deg2rad(20.0)
+DISTINCT = 1.5  # times the agreement of clutter, for a vertical that is seen
+DISTINCT_INFERRED = 3.0  # for each of two horizontals that tell where the vertical is
 MAX_SKEW = np.sin(np.deg2rad(6.0))  # between two clusters that may be taken for orthogonal
 VOTE_BINS = 90
 NONE = np.full((3, 3), np.nan)
@@ -138,7 +139,7 @@ def _orthonormal(frame: Array) -> Array:
 
 
 def assign(planes: Planes, directions: Array) -> NDArray[np.int64]:
-    """(N,) the row of `directions` (3, 3) whose vanishing point each line points to best, or OUTLIER; nan rows: none."""
+    """(N,) the row of `directions` (3, 3) whose vanishing point each line points to, or OUTLIER; nan rows get none."""
     if len(planes) == 0:
         return np.zeros(0, np.int64)
     residual = np.abs(planes.residuals(np.nan_to_num(directions)))
@@ -171,13 +172,41 @@ def find_directions(planes: Planes, seed: int) -> Array:
     return keep_found(planes, frame_of(downward(refined[0]), refined[1]))
 
 
+def _plausible_grid() -> Array:
+    """(K, 3) directions spread over the plausible verticals."""
+    tilt, roll = np.meshgrid(np.linspace(*TILT_RANGE, 10), np.linspace(-MAX_ROLL, MAX_ROLL, 6))
+    t, r = tilt.ravel(), roll.ravel()
+    return np.stack([np.sin(r) * np.cos(t), np.cos(r) * np.cos(t), np.sin(t)], axis=1)
+
+
+_GRID = _plausible_grid()
+
+
+def distinctness(planes: Planes, directions: Array) -> Array:
+    """(M,) line length that agrees with each of directions (M, 3), in units of what clutter gives any direction: the
+    agreement that nine in ten plausible verticals stay below."""
+    chance = np.quantile(_agreement(planes, _GRID), 0.9)
+    return np.asarray(_agreement(planes, directions) / max(float(chance), 1e-9))
+
+
+def _agreement(planes: Planes, directions: Array) -> Array:
+    """(M,) line length that points to each of directions (M, 3)."""
+    return np.asarray(planes.weights @ np.maximum(0.0, 1.0 - (planes.residuals(directions) / CONSISTENT) ** 2))
+
+
 def keep_found(planes: Planes, frame: Array, vertical_known: bool = False) -> Array:
     """`frame` (3, 3) with nan rows for the directions that too few lines point to."""
     labels = assign(planes, frame)
     counts = np.bincount(labels[labels >= 0], minlength=3)
     found = counts >= MIN_LINES
-    inferred = (counts[1:] >= MIN_LINES_INFERRED).all()
-    found[VERTICAL] = vertical_known or ((found[VERTICAL] or inferred) and bool(is_plausible_vertical(frame[0])))
+    if vertical_known:
+        found[VERTICAL] = True
+    else:
+        clear = distinctness(planes, frame)
+        inferred = found[1:].all() and (clear[1:] > DISTINCT_INFERRED).all()
+        seen = found[VERTICAL] and clear[VERTICAL] > DISTINCT
+        found[VERTICAL] = (seen or inferred) and bool(is_plausible_vertical(frame[0]))
+    found[1:] |= found[1:].any() & (counts[1:] > 0)
     if not found[VERTICAL]:
         found[:] = False
     return np.where(found[:, None], frame, np.nan)

@@ -14,6 +14,7 @@ from recon.raycast import RayScene
 from recon.sequence.camera import Camera
 from recon.simulate.atlas import DECODE, Atlas, paint_building
 from recon.simulate.building import Building
+from recon.simulate.style import room_styles
 
 GLOSS_BLUR = 2.0
 """Mip levels by which reflections in the floor are blurred."""
@@ -41,7 +42,10 @@ class Renderer:
         self._scene = RayScene(faces)
         self._planes = np.array([np.concatenate([s.origin, s.axis_u, s.axis_v, s.normal]) for s in surfaces])
         self._labels = np.array([*(s.label for s in surfaces), 0], np.uint16)
-        self._glossy = np.array([*(s.kind == "floor" for s in surfaces), False])
+        plan = building.plan
+        styles = room_styles(plan.look, [len(room.polygon) for room in plan.rooms], seed)
+        hard = [s.kind == "floor" and styles[s.room].floor != "carpet" for s in surfaces]
+        self._glossy = np.array([*hard, False])
         ppm = float(np.clip(camera.matrix[0, 0] / 2.5, 50.0, 200.0))
         self._atlas: Atlas = paint_building(building, ppm, seed)
         rays = camera.rays()

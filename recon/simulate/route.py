@@ -42,9 +42,12 @@ class Grid:
 
 def random_route(plan: Plan, found: list[Niche], clearance: float, rng: np.random.Generator) -> list[Array] | None:
     """Way points (2,) through all rooms, nearest first, round each of them, back to the first; None: no way."""
-    grid = _grid(free_space(plan, found).buffer(-clearance))
+    free = free_space(plan, found).buffer(-clearance)
+    if free.is_empty:
+        return None
+    grid = _grid(free)
     rounds = [_round(plan, r, grid, rng) for r in range(len(plan.rooms))]
-    if grid is None or any(not stops for stops in rounds):
+    if any(not stops for stops in rounds):
         return None
     at = rounds[0][0]
     way, left = [at], list(range(1, len(rounds))) or [0]

@@ -8,21 +8,27 @@ import shapely
 from recon.config import LayoutConfig
 from recon.geometry import Array
 from recon.graph.estimate import MapEstimate
-from recon.layout.cells import Cells, cut_plane
+from recon.layout.cells import cut_plane
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
-from recon.layout.labelling import free_areas, label_cells, supports
+from recon.layout.labelling import areas, label_cells, seen_from, supports
 from recon.layout.line import PlanLine, merged_lines
 from recon.layout.objects import floor_objects
 from recon.layout.openings import find_openings
-from recon.layout.outline import sides, spurs, walls_of
+from recon.layout.outline import Side, sides, spurs, walls_of
 from recon.layout.recess import absorb_steps
-from recon.layout.rooms import Region, regions, room_names, simple_polygons
+from recon.layout.rooms import regions, room_names, simple_polygons
+from recon.layout.simplify import simplified
+from recon.layout.visited import visited_space
 from recon.model import Layout, Room, Wall
 from recon.sequence.sequence import Scans
 
 SHORTEST_WALL = 0.5
 """m of support; lines with less are clutter."""
+SHORTEST_PARTITION = 1.5
+"""m of support; shorter lines with free space right behind them are clutter too."""
+BEHIND = (0.15, 0.25, 0.35)
+"""m"""
 
 
 def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> Layout:
@@ -35,18 +41,29 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     starts, ends = scan_rays(estimate.trajectory, scans)
     space = free_space(estimate.trajectory, starts, ends)
     lines = [line for line in absorb_steps(merged_lines(estimate.walls)) if _is_wall(line)]
+    lines = [line for line in lines if line.source == "image" or not _is_free_standing(line, space)]
+    visited = visited_space(space, lines, estimate.trajectory.poses[:, :2])
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
     support = supports(cells, lines)
-    inside = label_cells(cells, lines, free_areas(cells, space), support)
+    evidence = support.copy()
+    evidence[:, 1:3] *= seen_from(cells, space, visited)
+    reached, glanced = areas(cells, space, visited), areas(cells, space, space.free & ~visited)
+    inside = label_cells(cells, lines, reached, glanced, evidence)
     spans = cells.spans(lines)
-    found, parting = regions(cells, inside, support[:, 0], spans, estimate.trajectory.poses[:, :2])
+    path = estimate.trajectory.poses[:, :2]
+    found, parting = regions(cells, inside, support[:, 0], spans, glanced > reached, path)
+    rooms_cells = np.zeros(len(cells.polygons), np.bool_)
+    rooms_cells[np.concatenate([region.cells for region in found])] = True
+    outlines = [
+        [simplified(ring, space) for ring in sides(cells, region, support[:, 0], rooms_cells)] for region in found
+    ]
     walls: list[Wall] = []
-    for region in found:
-        for side in [s for ring in sides(cells, region) for s in ring] + spurs(cells, region, parting, spans):
+    for region, outline in zip(found, outlines, strict=True):
+        for side in [side for ring in outline for side in ring] + spurs(cells, region, parting, spans, lines):
             walls += walls_of(side, lines, len(walls))
-    rooms = _rooms(found, cells)
-    openings = find_openings(walls, ends, space)
+    rooms = _rooms(outlines)
+    openings = find_openings(walls, starts, ends, space)
     objects = floor_objects(walls, [shapely.Polygon(room.polygon) for room in rooms], space)
     return Layout(
         tuple(walls),
@@ -61,6 +78,19 @@ def _is_wall(line: PlanLine) -> bool:
     return line.source == "image" or line.supported_length >= SHORTEST_WALL
 
 
+def _is_free_standing(line: PlanLine, space: FreeSpace) -> bool:
+    """Whether rays passed just behind most of a short line: furniture, or an open door's leaf."""
+    if line.supported_length >= SHORTEST_PARTITION:
+        return False
+    shares = []
+    for stretches, side in ((line.front, 1.0), (line.back, -1.0)):
+        for low, high in stretches:
+            foot = line.point(np.arange(low, high, space.resolution))
+            behind = [space.is_free(foot - side * depth * line.normal) for depth in BEHIND]
+            shares.append(np.any(behind, axis=0))
+    return bool(np.concatenate(shares).mean() > 0.5)
+
+
 def _bounds(space: FreeSpace, lines: list[PlanLine]) -> tuple[Array, Array]:
     """Lower and upper corner (2,) m of a box around the grid and every stretch of wall."""
     low, high = space.bounds
@@ -69,12 +99,12 @@ def _bounds(space: FreeSpace, lines: list[PlanLine]) -> tuple[Array, Array]:
     return everything.min(axis=0) - 1.0, everything.max(axis=0) + 1.0
 
 
-def _rooms(found: list[Region], cells: Cells) -> list[Room]:
-    """Simple, disjoint, counter-clockwise polygons, without corners on straight sides."""
+def _rooms(outlines: list[list[list[Side]]]) -> list[Room]:
+    """Simple, disjoint, counter-clockwise polygons, from the rings (the outer one first) of every region."""
     polygons = []
-    for region in found:
-        rings = [np.array([side.start for side in ring]) for ring in sides(cells, region)]
-        polygons += simple_polygons(shapely.Polygon(rings[0], rings[1:]))
+    for outline in outlines:
+        corners = [np.array([side.start for side in ring]) for ring in outline]
+        polygons += simple_polygons(shapely.Polygon(corners[0], corners[1:]))
     names = room_names(polygons)
     rings = [np.asarray(shapely.orient_polygons(polygon).exterior.coords)[:-1] for polygon in polygons]
     return [Room(i, name, ring) for i, (name, ring) in enumerate(zip(names, rings, strict=True))]

@@ -15,12 +15,15 @@ from scipy.spatial import cKDTree
 from recon.geometry import Array
 from recon.layout.line import PlanLine, crossings, union
 
-SNAP = 0.003
+SNAP = 0.001
 """m, crossings closer than this are one corner."""
 STUB = 0.02
 """m that a stretch goes on past the wall it ends at (so that the crossing is found)."""
 REACH = 0.05
 """m, a supported stretch stops lines that pass its end this closely."""
+STEEP = float(np.sin(np.radians(15.0)))
+"""A line that meets a wall more flatly is not stopped by it."""
+PARALLEL = 1e-6
 STOPPING = 0.3
 """m, a stretch shorter than this stops no other line."""
 
@@ -60,9 +63,9 @@ def cut_plane(lines: list[PlanLine], low: Array, high: Array) -> Cells:
     """Cells of the box `low` to `high` (2,) m, cut by the stretches of `lines`, each drawn out to the next wall."""
     frame = _frame(low, high)
     everything = lines + frame
-    position, crossing = crossings(everything)
-    stretches = _stretches(everything, len(lines), position, crossing)
-    points, owner, along = _cuts(everything, stretches, position, crossing)
+    position, sine = crossings(everything)
+    stretches = _stretches(everything, len(lines), position, sine > STEEP)
+    points, owner, along = _cuts(everything, stretches, position, sine > PARALLEL)
     vertex, vertices = _snapped(points)
     edges, line = _chain(vertex, owner, along, stretches)
     line[line >= len(lines)] = -1
@@ -98,13 +101,15 @@ def _stretches(lines: list[PlanLine], n: int, position: Array, crossing: NDArray
 
 
 def _before(stops: Array, a: float) -> float:
-    k = int(np.searchsorted(stops, a + REACH)) - 1
-    return float(stops[max(k, 0)]) - STUB
+    return -_after(-stops[::-1], -a)
 
 
 def _after(stops: Array, b: float) -> float:
-    k = int(np.searchsorted(stops, b - REACH))
-    return float(stops[min(k, len(stops) - 1)]) + STUB
+    """Where a stretch that was seen up to `b` ends: past all walls about there, else past the next one (sorted)."""
+    k = int(np.searchsorted(stops, b + REACH))
+    if k == 0 or stops[k - 1] < b - REACH:
+        k = min(k + 1, len(stops))
+    return float(stops[k - 1]) + STUB
 
 
 def _cuts(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
-from recon.layout.line import NONE, PlanLine
+from recon.layout.line import NONE, PlanLine, total, union
 
 EXPLAINED = 0.15
 """m, a rim of free space this close to a wall is that wall's."""
@@ -22,6 +22,8 @@ SPIKE = 0.1
 """m, half the width of slits of free space that make no rim."""
 SMALLEST = 0.5
 """m^2, patches of free space smaller than this have no rim."""
+SAME = 0.2
+"""m, frontiers alongside a wall or a longer frontier that are closer than this add nothing."""
 ALIGNED = np.radians(10.0)
 SIGMA_OFFSET = 0.5
 SIGMA_ANGLE = 0.2
@@ -32,13 +34,26 @@ def frontier_lines(space: FreeSpace, walls: list[PlanLine]) -> list[PlanLine]:
     """Candidate lines along the rim of free space where no wall is.
 
     Each piece of rim gives the lines that touch it from outside: along its own straight parts, and along and across
-    the walls that it ends at.
+    the walls that it ends at; of lines that all but coincide, the longest.
     """
-    lines = []
-    for rim in _rims(space):
-        for chain in _chains(rim, walls):
-            lines += _lines(chain, walls)
+    found = [line for rim in _rims(space) for chain in _chains(rim, walls) for line in _lines(chain, walls)]
+    found.sort(key=lambda line: (line.oblique, -total(line.frontier)))
+    lines: list[PlanLine] = []
+    for line in found:
+        if not any(_covers(other, line) for other in walls + lines):
+            lines.append(line)
     return lines
+
+
+def _covers(line: PlanLine, other: PlanLine) -> bool:
+    """Whether all of `other` runs within `SAME` of `line`, alongside it."""
+    if abs(np.cross(line.direction, other.direction)) > np.sin(ALIGNED):
+        return False
+    ends = other.point(other.frontier.ravel())
+    reach = union(np.concatenate([line.support, line.frontier]) + np.array([-EXPLAINED, EXPLAINED]))
+    low, high = np.sort(line.along(ends))
+    inside = np.any((reach[:, 0] <= low) & (high <= reach[:, 1]))
+    return bool(inside and np.abs(line.offset(ends)).max() < SAME)
 
 
 def _rims(space: FreeSpace) -> list[Array]:

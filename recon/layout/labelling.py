@@ -9,27 +9,35 @@ from numpy.typing import NDArray
 from recon.geometry import Array
 from recon.layout.cells import Cells
 from recon.layout.evidence import FreeSpace
-from recon.layout.line import PlanLine, coverage, subtract
+from recon.layout.line import PlanLine, coverage, subtract, union
 
 FREE = 5.0
-"""Cost per m^2 of seen free space left outside."""
+"""Cost per m^2 of visited free space left outside ..."""
+GLANCED = 0.5
+"""... and of free space only seen through doors and slits."""
 UNSEEN = 0.5
 """Cost per m^2 that no ray reached taken inside."""
 SOLID = 1.0
 """Cost per m of wall face whose back is taken inside, or whose front is left outside."""
 UNSUPPORTED = 1.0
 """Cost per m of boundary without a wall, along or across the walls around it ..."""
+CONTINUED = 0.5
+"""... where it goes on from a wall, up to `CONTINUATION` m beyond what was seen of it ..."""
+CONTINUATION = 1.5
 OBLIQUE = 1.6
 """... and in any other direction."""
 BOUNDARY = 0.1
 """Cost per m of any boundary: the simpler outline where nothing else decides."""
+SAMPLES = 9
+AHEAD = (0.1, 0.2, 0.3)
+"""m before a wall where the space that it was seen from is looked for."""
 BRIDGED = 0.1
 """m, gaps in a wall's support that are not counted."""
 
 
-def free_areas(cells: Cells, space: FreeSpace) -> Array:
-    """(C,) m^2 of seen free space in each cell."""
-    points = space.centres(space.free)
+def areas(cells: Cells, space: FreeSpace, mask: NDArray[np.bool_]) -> Array:
+    """(C,) m^2 of each cell that grid cells set in `mask` cover."""
+    points = space.centres(mask)
     tree = shapely.STRtree(cells.polygons)
     out = np.zeros(len(cells.polygons))
     if len(points):
@@ -39,23 +47,45 @@ def free_areas(cells: Cells, space: FreeSpace) -> Array:
 
 
 def supports(cells: Cells, lines: list[PlanLine]) -> Array:
-    """(E, 3) m of each edge that is supported at all, only from its left and only from its right."""
-    out = np.zeros((len(cells.edges), 3))
+    """(E, 4) m of each edge that is supported at all, only from its left, only from its right, or not but nearly.
+
+    The last is what lies up to `CONTINUATION` beyond support.
+    """
+    out = np.zeros((len(cells.edges), 4))
     spans = cells.spans(lines)
     for k, line in enumerate(lines):
         on = np.flatnonzero(cells.line == k)
         low, high = spans[on, 0], spans[on, 1]
-        bridged = line.support + np.array([-BRIDGED, BRIDGED]) / 2
+        bridged = union(line.support + np.array([-BRIDGED, BRIDGED]) / 2)
         out[on, 0] = np.minimum(coverage(bridged, low, high), high - low)
+        reached = union(line.support + np.array([-CONTINUATION, CONTINUATION]))
+        out[on, 3] = np.clip(coverage(reached, low, high) - out[on, 0], 0.0, None)
         out[on, 1] = coverage(subtract(line.front, line.back), low, high)
         out[on, 2] = coverage(subtract(line.back, line.front), low, high)
     return out
 
 
-def label_cells(cells: Cells, lines: list[PlanLine], free: Array, support: Array) -> NDArray[np.bool_]:
+def seen_from(cells: Cells, space: FreeSpace, visited: NDArray[np.bool_]) -> Array:
+    """(E, 2) share of each edge that has visited space before it on its left and on its right."""
+    start, end = cells.vertices[cells.edges[:, 0]], cells.vertices[cells.edges[:, 1]]
+    step = (end - start) / np.maximum(cells.lengths, 1e-9)[:, None]
+    normal = np.stack([-step[:, 1], step[:, 0]], axis=1)
+    share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    foot = start[:, None] + share[:, None] * (end - start)[:, None]
+    out = np.zeros((len(start), 2))
+    for k, side in enumerate((1.0, -1.0)):
+        ahead = [foot + side * distance * normal[:, None] for distance in AHEAD]
+        seen = np.any([visited[space.index(p.reshape(-1, 2))].reshape(-1, SAMPLES) for p in ahead], axis=0)
+        out[:, k] = seen.mean(axis=1)
+    return out
+
+
+def label_cells(
+    cells: Cells, lines: list[PlanLine], visited: Array, glanced: Array, support: Array
+) -> NDArray[np.bool_]:
     """(C,) whether each cell is inside: the minimum over labellings of
 
-        sum over cells of     FREE * free area outside + UNSEEN * unseen area inside
+        sum over cells of     FREE * visited + GLANCED * glanced area outside + UNSEEN * unseen area inside
         + sum over walls of   SOLID * length with its back inside or its front outside
         + sum over edges of   (UNSUPPORTED * length without wall + BOUNDARY * length) between inside and outside,
 
@@ -65,14 +95,15 @@ def label_cells(cells: Cells, lines: list[PlanLine], free: Array, support: Array
     import maxflow
 
     area = shapely.area(cells.polygons)
-    cost_outside = FREE * np.minimum(free, area)
-    cost_inside = UNSEEN * np.clip(area - free, 0.0, None)
+    cost_outside = FREE * visited + GLANCED * glanced
+    cost_inside = UNSEEN * np.clip(area - visited - glanced, 0.0, None)
     for side, other, k in ((cells.left, cells.right, 1), (cells.right, cells.left, 2)):
         np.add.at(cost_outside, side[side >= 0], SOLID * support[side >= 0, k])
         np.add.at(cost_inside, other[other >= 0], SOLID * support[other >= 0, k])
     oblique = np.array([line.oblique for line in lines] + [False])  # the last: the frame
     price = np.where(oblique[cells.line], OBLIQUE, UNSUPPORTED)
-    weight = price * (cells.lengths - support[:, 0]) + BOUNDARY * cells.lengths
+    bare = cells.lengths - support[:, 0] - support[:, 3]
+    weight = price * bare + CONTINUED * support[:, 3] + BOUNDARY * cells.lengths
     outer = (cells.left < 0) | (cells.right < 0)
     np.add.at(cost_inside, np.maximum(cells.left, cells.right)[outer], weight[outer])
     graph = maxflow.Graph[float](len(area), len(weight))

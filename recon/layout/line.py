@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.graph.estimate import WallLine
@@ -188,13 +187,12 @@ def _joined(line: PlanLine, other: PlanLine) -> PlanLine:
     return replace(joined, front=union(np.concatenate(sides[True])), back=union(np.concatenate(sides[False])))
 
 
-def crossings(lines: list[PlanLine]) -> tuple[Array, NDArray[np.bool_]]:
-    """(L, L) positions along line i of its crossing with line j, and whether they cross at over 15 degrees."""
+def crossings(lines: list[PlanLine]) -> tuple[Array, Array]:
+    """(L, L) positions along line i of its crossing with line j, and the sine of their angle (>= 0, 0: they do not)."""
     origin = np.array([line.origin for line in lines]).reshape(-1, 2)
     direction = np.array([line.direction for line in lines]).reshape(-1, 2)
     sine = direction[:, None, 0] * direction[None, :, 1] - direction[:, None, 1] * direction[None, :, 0]
     delta = origin[None, :, :] - origin[:, None, :]
     cross = delta[..., 0] * direction[None, :, 1] - delta[..., 1] * direction[None, :, 0]
-    ok = np.abs(sine) > np.sin(np.radians(15.0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(cross / sine), ok
+        return np.asarray(cross / sine), np.abs(sine)

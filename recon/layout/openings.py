@@ -25,24 +25,25 @@ TOP = 2.0
 """m, of openings whose head nothing has measured."""
 
 
-def find_openings(walls: list[Wall], returns: Array, space: FreeSpace) -> list[Opening]:
+def find_openings(walls: list[Wall], starts: Array, returns: Array, space: FreeSpace) -> list[Opening]:
     """Recessed leaves (returns a little behind a wall) and gaps (rays through it) as openings, in order of walls.
 
-    returns: (R, 2) m, map frame, where rays ended.
+    starts, returns: (R, 2) m, map frame, where rays began and ended.
     """
     out: list[Opening] = []
     for wall in walls:
         if wall.source == "inferred" or wall.length < WIDTH[0]:
             continue
-        for kind, low, high in _leaves(wall, returns) + _gaps(wall, returns, space):
+        for kind, low, high in _leaves(wall, starts, returns) + _gaps(wall, returns, space):
             start, end = wall.start + low * wall.direction, wall.start + high * wall.direction
             out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP))
     return out
 
 
-def _leaves(wall: Wall, returns: Array) -> list[tuple[OpeningType, float, float]]:
-    """Stretches along the wall where returns lie behind it at a leaf's depth."""
-    along, across = _beside(wall, returns, DEPTH[1])
+def _leaves(wall: Wall, starts: Array, returns: Array) -> list[tuple[OpeningType, float, float]]:
+    """Stretches along the wall where rays from before it end behind it at a leaf's depth."""
+    before = (starts - wall.start) @ wall.normal > 0
+    along, across = _beside(wall, returns[before], DEPTH[1])
     count = max(1, int(np.ceil(wall.length / BIN)))
     bins = np.minimum((along / BIN).astype(np.int64), count - 1)
     behind = across < -DEPTH[0]
@@ -63,7 +64,8 @@ def _gaps(wall: Wall, returns: Array, space: FreeSpace) -> list[tuple[OpeningTyp
     count = max(1, int(np.ceil(wall.length / BIN)))
     middle = (np.arange(count) + 0.5) * BIN
     foot = wall.start + middle[:, None] * wall.direction
-    through = np.all([space.is_free(foot + y * wall.normal) for y in (BESIDE, -BESIDE, -2 * BESIDE)], axis=0)
+    across_wall = np.arange(BESIDE, -1.6 * BESIDE, -BIN)
+    through = np.all([space.is_free(foot + y * wall.normal) for y in across_wall], axis=0)
     along, across = _beside(wall, returns, BESIDE)
     bins = np.minimum((along[np.abs(across) < DEPTH[0]] / BIN).astype(np.int64), count - 1)
     solid = np.bincount(bins, minlength=count) >= MIN_RETURNS

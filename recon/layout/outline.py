@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -23,58 +22,73 @@ CORNER = 1.0
 """m, a wall goes on from its supported stretch to a corner that is no further away."""
 SHORTEST_SUPPORT = 0.2
 SHORTEST_SPUR = 1.0
-"""m, a thin wall with the same room on both sides."""
+"""m, a thin wall with the same room on both sides; shorter ones only join others."""
+JOINED = 0.1
 
 
 @dataclass(frozen=True)
 class Side:
-    """A straight piece of outline from `start` to `end` (2,) m, free space on the left, on line `line` (-1: none)."""
+    """A straight piece of outline from `start` to `end` (2,) m, free space on the left, on line `line` (-1: none).
+
+    open: nobody saw a wall there, and no other room is behind it.
+    """
 
     line: int
     start: Array
     end: Array
+    open: bool
 
 
-def sides(cells: Cells, region: Region) -> list[list[Side]]:
-    """The rings of a region's outline, the outer one first, holes of it after; neighbours lie on different lines."""
+def sides(cells: Cells, region: Region, support: Array, rooms: NDArray[np.bool_]) -> list[list[Side]]:
+    """The rings of a region's outline, the outer one first, holes of it after; neighbours lie on different lines.
+
+    support: (E,) m of each edge. rooms: (C,) the cells that belong to any room.
+    """
     tree = cKDTree(cells.vertices)
-    line_of = {}
-    for (a, b), line in zip(cells.edges, cells.line, strict=True):
-        line_of[int(a), int(b)] = line_of[int(b), int(a)] = int(line)
+    index = {}
+    for k, (a, b) in enumerate(cells.edges):
+        index[int(a), int(b)] = index[int(b), int(a)] = k
+    shared = np.asarray(np.append(rooms, False)[np.stack([cells.left, cells.right])].all(axis=0))
     rings = [(region.polygon.exterior, True), *[(hole, False) for hole in region.polygon.interiors]]
     out = []
     for ring, ccw in rings:
         corner = np.asarray(tree.query(np.asarray(ring.coords)[:-1])[1])
         corner = corner if ring.is_ccw == ccw else corner[::-1]
-        following = np.roll(corner, -1)
-        lines = np.array([line_of[int(a), int(b)] for a, b in zip(corner, following, strict=True)])
-        out.append(_grouped(cells.vertices, corner, lines))
+        edge = np.array([index[int(a), int(b)] for a, b in zip(corner, np.roll(corner, -1), strict=True)])
+        lines = cells.line[edge]
+        first = np.flatnonzero(lines != np.roll(lines, 1))
+        corner, edge = np.roll(corner, -first[0]), np.roll(edge, -first[0])
+        ends = np.append(first - first[0], len(edge))
+        ring_sides = []
+        for a, b in pairwise(ends):
+            start, end = cells.vertices[corner[[a, b % len(edge)]]]
+            open_ = not shared[edge[a:b]].any() and float(support[edge[a:b]].sum()) < SHORTEST_SUPPORT
+            ring_sides.append(Side(int(cells.line[edge[a]]), start, end, open_))
+        out.append(ring_sides)
     return out
 
 
-def _grouped(vertices: Array, corner: NDArray[np.int64], lines: NDArray[np.int64]) -> list[Side]:
-    """Sides of a ring from its corners (n,) and the line (n,) that each corner's following edge is on."""
-    first = np.flatnonzero(lines != np.roll(lines, 1))
-    return [
-        Side(int(lines[a]), vertices[corner[a]], vertices[corner[b]])
-        for a, b in zip(first, np.roll(first, -1), strict=True)
-    ]
-
-
-def spurs(cells: Cells, region: Region, parting: NDArray[np.bool_], spans: Array) -> list[Side]:
+def spurs(cells: Cells, region: Region, parting: NDArray[np.bool_], spans: Array, lines: list[PlanLine]) -> list[Side]:
     """Walls with the region on both sides, each side once; parting: (E,) edges that are walls between inside cells."""
     member = np.zeros(len(cells.polygons), np.bool_)
     member[region.cells] = True
     inner = parting & member[cells.left] & member[cells.right]
-    out = []
+    found: list[Side] = []
     for k in np.unique(cells.line[inner]):
         on = np.flatnonzero(inner & (cells.line == k))
         for low, high in union(spans[on], 1e-6):
-            ends = on[[np.argmin(np.abs(spans[on, 0] - low)), np.argmin(np.abs(spans[on, 1] - high))]]
-            if high - low >= SHORTEST_SPUR:
-                start, end = cells.vertices[cells.edges[ends[0], 0]], cells.vertices[cells.edges[ends[1], 1]]
-                out += [Side(int(k), start, end), Side(int(k), end, start)]
-    return out
+            seen = clip(union(lines[k].support, SHORTEST_SPUR), low, high)
+            if len(seen):
+                found.append(Side(int(k), lines[k].point(seen[0, 0]), lines[k].point(seen[-1, 1]), False))
+    long = [bool(np.linalg.norm(side.end - side.start) >= SHORTEST_SPUR) for side in found]
+    ends = np.array([(s.start, s.end) for s, is_long in zip(found, long, strict=True) if is_long]).reshape(-1, 2)
+    kept = [side for side, is_long in zip(found, long, strict=True) if is_long or _touches(side, ends)]
+    return [side for one in kept for side in (one, Side(one.line, one.end, one.start, False))]
+
+
+def _touches(side: Side, ends: Array) -> bool:
+    """Whether both ends of a side are at ends (N, 2) of others."""
+    return all(bool(np.any(np.linalg.norm(ends - end, axis=1) < JOINED)) for end in (side.start, side.end))
 
 
 def walls_of(side: Side, lines: list[PlanLine], first_id: int) -> list[Wall]:
@@ -109,8 +123,3 @@ def _wall(id_: int, side: Side, line: PlanLine, a: float, b: float, p: float, q:
     if line.source == "inferred":
         return Wall(id_, start, end, line.sigma_offset, line.sigma_angle, "inferred", 0)
     return Wall(id_, start, end, max(sigma, SIGMA_OFFSET), max(line.sigma_angle, SIGMA_ANGLE), "inferred", 0)
-
-
-def polygon_of(ring: list[Side]) -> shapely.Polygon:
-    """The polygon of a ring's corners."""
-    return shapely.Polygon([side.start for side in ring])

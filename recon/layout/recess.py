@@ -15,7 +15,7 @@ WIDTH = (0.6, 2.2)
 """m along the wall: one or two leaves."""
 JAMB = 0.25
 """m from the leaf to the wall beside it, at most."""
-STANDING_DEPTH = 0.6
+STANDING_DEPTH = 0.8
 """m before the wall line: cupboards, boards, radiators."""
 STANDING_WIDTH = 1.5
 SHADOW = 0.7
@@ -58,11 +58,25 @@ def _absorbed(wall: PlanLine, step: PlanLine, lines: list[PlanLine]) -> tuple[Pl
             if DEPTH[0] <= depth <= DEPTH[1] and _is_leaf(supported, low, high, step, stretch, lines):
                 supported = union(np.concatenate([supported, [[low, high]]]))
                 stretches = subtract(stretches, stretch[None])
-            elif -STANDING_DEPTH <= depth <= -DEPTH[0] and _is_standing(supported, low, high):
+                if total(supported) < 2 * (high - low):
+                    wall = _turned(wall, step, forward)
+            elif DEPTH[0] <= -depth <= STANDING_DEPTH and _is_standing(
+                supported, low, high, -depth, step, stretch, lines
+            ):
                 stretches = subtract(stretches, stretch[None])
         wall = replace(wall, front=supported) if on_wall else replace(wall, back=supported)
         step = replace(step, front=stretches) if front else replace(step, back=stretches)
     return wall, step
+
+
+def _turned(wall: PlanLine, step: PlanLine, forward: bool) -> PlanLine:
+    """`wall` turned about its origin to the mean direction of both: a closed leaf is parallel to its wall.
+
+    A line's direction is known as the cube of its length: for stubs beside a wide door the leaf says more.
+    """
+    weight = step.supported_length**3 / (step.supported_length**3 + wall.supported_length**3)
+    direction = (1 - weight) * wall.direction + weight * (step.direction if forward else -step.direction)
+    return replace(wall, direction=direction / np.linalg.norm(direction))
 
 
 def _is_leaf(supported: Array, low: float, high: float, step: PlanLine, stretch: Array, lines: list[PlanLine]) -> bool:
@@ -83,11 +97,19 @@ def _is_leaf(supported: Array, low: float, high: float, step: PlanLine, stretch:
     return _distance_to_walls(open_end, step, lines) > LEFT_FREE
 
 
-def _is_standing(supported: Array, low: float, high: float) -> bool:
-    """Whether wall is seen on both sides of [low, high] and not within it."""
+def _is_standing(
+    supported: Array, low: float, high: float, depth: float, step: PlanLine, stretch: Array, lines: list[PlanLine]
+) -> bool:
+    """Whether wall is seen on both sides of [low, high], or on one and a corner is on the other, and not within it."""
     if high - low > STANDING_WIDTH or not _is_gap(supported, low, high):
         return False
-    return bool(total(clip(supported, low - SHADOW, low)) > 0.1 and total(clip(supported, high, high + SHADOW)) > 0.1)
+    left = total(clip(supported, low - SHADOW, low)) > 0.1
+    right = total(clip(supported, high, high + SHADOW)) > 0.1
+    if left and right:
+        return True
+    if depth <= DEPTH[1] or not (left or right):  # the stub between a corner and a recessed door
+        return False
+    return min(_distance_to_walls(end, step, lines) for end in step.point(stretch)) < SHADOW
 
 
 def _is_gap(supported: Array, low: float, high: float) -> bool:

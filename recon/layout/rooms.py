@@ -37,17 +37,20 @@ class Region:
 
 
 def regions(
-    cells: Cells, inside: NDArray[np.bool_], support: Array, spans: Array, path: Array
+    cells: Cells, inside: NDArray[np.bool_], support: Array, spans: Array, glanced: NDArray[np.bool_], path: Array
 ) -> tuple[list[Region], NDArray[np.bool_]]:
     """Rooms, largest first, and (E,) the edges that are walls between inside cells.
 
-    support: (E,) m of each edge. spans: (E, 2) positions along its line. path: (N, 2) m, where the platform was:
-    spaces it did not enter must be closed by walls to be rooms (others are a glance through a door).
+    support: (E,) m of each edge. spans: (E, 2) positions along its line. glanced: (C,) cells that are mostly seen
+    through a door or slit; the lines of walls part them from others. path: (N, 2) m, where the platform was: spaces
+    that it did not enter must be closed by walls to be rooms.
     """
     both = (cells.left >= 0) & (cells.right >= 0)
     both &= inside[cells.left] & inside[cells.right]
     wall = support >= WALL_SHARE * np.maximum(cells.lengths, 1e-9)
-    parting = both & (wall | _gaps(cells, wall, spans))
+    has_wall = np.isin(cells.line, cells.line[wall])
+    glance = has_wall & (glanced[cells.left] != glanced[cells.right])
+    parting = both & (wall | glance | _gaps(cells, wall, spans))
     link = both & ~parting
     count = len(cells.polygons)
     graph = coo_array((np.ones(link.sum()), (cells.left[link], cells.right[link])), shape=(count, count))

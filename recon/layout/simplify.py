@@ -1,0 +1,67 @@
+"""The simpler outline where nobody saw a wall."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from recon.geometry import Array
+from recon.layout.evidence import FreeSpace
+from recon.layout.outline import Side
+
+CUT = 0.03
+"""m^2 of seen free space that taking one corner away may cost."""
+ADDED = 0.25
+"""m^2 that it may change in all."""
+
+
+def simplified(ring: list[Side], space: FreeSpace) -> list[Side]:
+    """A ring of sides with fewer corners between open sides; walls and their corners stay.
+
+    The corner that changes the least area goes first (Visvalingam and Whyatt 1993).
+    """
+    ring = list(ring)
+    while len(ring) > 3:
+        candidates = [k for k in range(len(ring)) if ring[k - 1].open and ring[k].open]
+        triangles = [(np.stack([ring[k - 1].start, ring[k].start, ring[k].end]), k) for k in candidates]
+        triangles.sort(key=lambda item: abs(_area(item[0])))
+        k = next((k for triangle, k in triangles if _allowed(triangle, space) and _simple(ring, k)), None)
+        if k is None:
+            return ring
+        ring = _without(ring, k)
+    return ring
+
+
+def _without(ring: list[Side], k: int) -> list[Side]:
+    """The ring without the corner where side k starts."""
+    joined = Side(-1, ring[k - 1].start, ring[k].end, True)
+    if k == 0:
+        return [*ring[1:-1], joined]
+    return [*ring[: k - 1], joined, *ring[k + 1 :]]
+
+
+def _area(triangle: Array) -> float:
+    """Signed area (3, 2): positive where the corner in the middle is convex, so that its removal takes space away."""
+    (a, b, c) = triangle
+    return float(np.cross(b - a, c - b)) / 2
+
+
+def _allowed(triangle: Array, space: FreeSpace) -> bool:
+    area = _area(triangle)
+    if abs(area) > ADDED:
+        return False
+    return area <= CUT or free_area(shapely.Polygon(triangle), space) <= CUT
+
+
+def free_area(polygon: shapely.Polygon, space: FreeSpace) -> float:
+    """Seen free space in a polygon, m^2."""
+    rows, columns = space.index(np.array(polygon.bounds).reshape(2, 2))
+    window = np.zeros_like(space.free)
+    part = np.s_[rows[0] : rows[1] + 1, columns[0] : columns[1] + 1]
+    window[part] = space.free[part]
+    points = space.centres(window)
+    return float(shapely.contains_xy(polygon, points[:, 0], points[:, 1]).sum() * space.cell_area)
+
+
+def _simple(ring: list[Side], k: int) -> bool:
+    return bool(shapely.Polygon([side.start for side in _without(ring, k)]).is_valid)

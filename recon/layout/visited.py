@@ -1,0 +1,39 @@
+"""Which free space the platform could have driven to: the rest was only glanced at through doors and slits."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array
+from recon.layout.evidence import FreeSpace
+from recon.layout.frontier import distance_to_walls
+from recon.layout.line import PlanLine
+
+HALF_WIDTH = 0.5
+"""m; what lies behind gaps narrower than twice this was not visited unless the path leads there."""
+NEAR_WALL = 0.15
+"""m, obstacles further from every wall are furniture: they close no passage."""
+POCKET = 1.5
+"""m^2; smaller spaces behind such gaps are corners of the room itself."""
+
+
+def visited_space(space: FreeSpace, walls: list[PlanLine], path: Array) -> NDArray[np.bool_]:
+    """(rows, columns) free cells that connect to the path (N, 2) m by ways wider than a door."""
+    passable = space.free.copy()
+    things = space.centres(space.blocked)
+    passable[space.index(things[distance_to_walls(things, walls) > NEAR_WALL])] = True
+    radius = max(1, round(HALF_WIDTH / space.resolution))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    core = cv2.erode(passable.astype(np.uint8), disc)
+    trail = np.zeros_like(core)
+    trail[space.index(path)] = 1
+    trail = cv2.dilate(trail, disc)
+    _, label = cv2.connectedComponents(core, connectivity=8)
+    reached = np.unique(label[(trail > 0) & (core > 0)])
+    grown = cv2.dilate((np.isin(label, reached) & (core > 0)).astype(np.uint8) | trail, disc)
+    beyond = (space.free & (grown == 0)).astype(np.uint8)
+    _, label, statistics, _ = cv2.connectedComponentsWithStats(beyond, connectivity=4)
+    large = statistics[:, cv2.CC_STAT_AREA] * space.cell_area > POCKET
+    return np.asarray(space.free & ((beyond == 0) | ~large[label]))

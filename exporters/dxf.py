@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from recon.exporters.output import Output
+from recon.geometry import Array
 from recon.model import Layout, Model, OpeningType, Wall
-from recon.plan import opening_ends, solid_pieces
+from recon.plan import label_spot, opening_ends, solid_pieces
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -77,7 +78,7 @@ def _draw(space: Modelspace, model: Model) -> None:
     """From the bottom up: what is drawn later lies on top."""
     layout = model.layout
     for room in layout.rooms:
-        _draw_room(space, room.name, room.polygon.tolist())
+        _draw_room(space, room.name, room.polygon)
     for item in layout.objects:
         space.add_lwpolyline(item.footprint.tolist(), close=True, dxfattribs={"layer": "A-FURN"})
     for wall in layout.walls:
@@ -95,15 +96,13 @@ def _draw(space: Modelspace, model: Model) -> None:
         space.add_mtext("\\P".join(_plain(n) for n in model.notes), style).set_location(corner.tolist())
 
 
-def _draw_room(space: Modelspace, name: str, polygon: list[list[float]]) -> None:
+def _draw_room(space: Modelspace, name: str, polygon: Array) -> None:
     import shapely
-    from shapely.ops import polylabel
 
-    space.add_lwpolyline(polygon, close=True, dxfattribs={"layer": "A-AREA"})
-    shape = shapely.Polygon(polygon)
-    spot = polylabel(shape, tolerance=0.05)
+    space.add_lwpolyline(polygon.tolist(), close=True, dxfattribs={"layer": "A-AREA"})
+    spot, _ = label_spot(polygon)
     style = {"layer": "A-AREA-IDEN", "style": "RECON", "char_height": 0.2, "attachment_point": 5}
-    space.add_mtext(f"{_plain(name)}\\P{shape.area:.2f} m²", style).set_location((spot.x, spot.y))
+    space.add_mtext(f"{_plain(name)}\\P{shapely.Polygon(polygon).area:.2f} m²", style).set_location(spot.tolist())
 
 
 def _wall_data(wall: Wall) -> list[tuple[int, Any]]:

@@ -15,7 +15,7 @@ import numpy as np
 from recon.exporters.output import Output
 from recon.geometry import Array, rotation2
 from recon.model import Layout, Model, Opening, Room, Wall
-from recon.plan import dominant_angle, opening_ends, solid_pieces, wall_bodies
+from recon.plan import dominant_angle, label_spot, opening_ends, solid_pieces, wall_bodies
 
 SCALES = (20, 50, 100, 200, 250, 500, 1000, 2000, 5000)
 PAPER = (400.0, 277.0)
@@ -148,15 +148,13 @@ def _draw_leaf(parent: ET.Element, hinge: Array, tip: Array, wall: Wall) -> None
 def _draw_label(parent: ET.Element, room: Room, sheet: Sheet) -> None:
     """Name and area in the widest part of the room, as large as fits."""
     import shapely
-    from shapely.ops import polylabel
 
-    polygon = shapely.Polygon(room.polygon)
-    spot = polylabel(polygon, tolerance=0.05)
-    width = 2000 / sheet.scale * float(spot.distance(polygon.exterior))
-    x, y = sheet.place(np.array([spot.x, spot.y]))
+    spot, radius = label_spot(room.polygon)
+    width = 2000 / sheet.scale * radius
+    x, y = sheet.place(spot)
     size = float(np.clip(width / (0.6 * max(len(room.name), 8)), 1.2, 4.0))
     _text(parent, room.name, x, y, size, {"font-weight": "bold"})
-    _text(parent, f"{polygon.area:.1f} m²", x, y + 1.3 * size, 0.85 * size, {"fill": "#5a6069"})
+    _text(parent, f"{shapely.Polygon(room.polygon).area:.1f} m²", x, y + 1.3 * size, 0.85 * size, {"fill": "#5a6069"})
 
 
 def _draw_head(parent: ET.Element, model: Model, sheet: Sheet) -> None:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array
-from recon.model import Face, Layout, Model, Wall
+from recon.model import Face, Layout, Model
 from recon.occlusion import ambient_shades
 from recon.plan import dominant_angle, room_area, wall_bodies
 from recon.render import TexturedScene
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 ELEVATION = np.radians(52.0)
 TURN = np.radians(28.0)
@@ -52,7 +56,8 @@ def render_dollhouse(model: Model, size: tuple[int, int] = (1600, 1000)) -> NDAr
         return (spots @ np.stack([right, up], axis=1) - centre) / [pixel, -pixel] + (np.array(size) - 1) / 2
 
     closed = tuple(f for f in model.faces if f.kind != "ceiling")
-    shades = [_lit(shade, face) for shade, face in zip(ambient_shades(faces, closed), faces, strict=True)]
+    ambient = [*ambient_shades(tuple(visible), closed), *[_open_air] * len(solids)]
+    shades = [_lit(shade, face) for shade, face in zip(ambient, faces, strict=True)]
     canvas = _shadowed_ground(model.layout, size, pixels_of, pixel)
     picture = TexturedScene(faces, pixel_size=pixel, shades=shades).render(rays, canvas)
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
@@ -90,24 +95,27 @@ def _image_axes(view: Array) -> tuple[Array, Array]:
 
 def _solids(model: Model, shown: set[int], view: Array) -> list[Face]:
     """Bodies behind the walls that are shown, curbs of the others, and the board under everything."""
+    import shapely
+
     layout = model.layout
     tops = {f.ref: float(f.vertices[:, 2].max()) for f in model.faces if f.kind == "wall"}
-    standing = [w for w in layout.walls if w.id in shown]
+    standing = tuple(w for w in layout.walls if w.id in shown)
+    lines = shapely.MultiLineString([np.stack([w.start, w.end]) for w in standing])
     solids: list[Face] = []
     for top in sorted({tops[w.id] for w in standing}):
         walls = tuple(w for w in standing if tops[w.id] == top)
-        solids += _extruded(wall_bodies(layout, walls, cut=False), 0.0, top, CUT_COLOUR, view, standing)
+        solids += _extruded(wall_bodies(layout, walls, cut=False), 0.0, top, CUT_COLOUR, view, lines)
     low = tuple(w for w in layout.walls if w.id not in shown)
-    curbs = wall_bodies(layout, low).difference(wall_bodies(layout, tuple(standing), cut=False))
-    solids += _extruded(curbs, 0.0, CURB, CUT_COLOUR, view, standing)
+    curbs = wall_bodies(layout, low).difference(wall_bodies(layout, standing, cut=False))
+    solids += _extruded(curbs, 0.0, CURB, CUT_COLOUR, view, lines)
     board = room_area(layout).union(wall_bodies(layout, cut=False))
-    return solids + _extruded(board, -BASE, -0.005, BASE_COLOUR, view, [])
+    return solids + _extruded(board, -BASE, -0.005, BASE_COLOUR, view, shapely.MultiLineString())
 
 
 def _extruded(
-    area: object, bottom: float, top: float, colour: tuple[int, int, int], view: Array, walls: list[Wall]
+    area: BaseGeometry, bottom: float, top: float, colour: tuple[int, int, int], view: Array, walls: BaseGeometry
 ) -> list[Face]:
-    """A prism over `area`: its top in `colour`, its sides toward the viewer but not in the face of one of `walls`."""
+    """A prism over `area`: its top in `colour`, its sides toward the viewer but none on the lines `walls`."""
     import shapely
 
     polygons = [p for p in shapely.get_parts(area) if p.geom_type == "Polygon" and p.area > 1e-6]
@@ -124,18 +132,14 @@ def _extruded(
     return faces
 
 
-def _is_shown(a: Array, b: Array, view: Array, walls: list[Wall]) -> bool:
-    """Whether a side a-b, the solid on its left, faces the viewer and is not the face of a wall."""
+def _is_shown(a: Array, b: Array, view: Array, walls: BaseGeometry) -> bool:
+    """Whether a side a-b, the solid on its left, faces the viewer and does not lie on the lines `walls`."""
+    import shapely
+
     outward = np.array([b[1] - a[1], a[0] - b[0]])
     if np.linalg.norm(outward) < 1e-6 or outward @ view[:2] >= 0:
         return False
-    middle = (a + b) / 2
-    return all(_distance(middle, wall) > 2e-3 for wall in walls)
-
-
-def _distance(point: Array, wall: Wall) -> float:
-    along = float(np.clip((point - wall.start) @ wall.direction, 0, wall.length))
-    return float(np.linalg.norm(wall.start + along * wall.direction - point))
+    return walls.distance(shapely.Point((a + b) / 2)) > 2e-3 or walls.is_empty
 
 
 def _side(a: Array, b: Array, bottom: float, top: float) -> Face:
@@ -146,6 +150,10 @@ def _side(a: Array, b: Array, bottom: float, top: float) -> Face:
 def _plain(vertices: Array, triangles: NDArray[np.int64], colour: tuple[int, int, int]) -> Face:
     texture = np.array([[colour]], np.uint8)
     return Face("solid", "wall", -1, vertices, triangles, np.full((len(vertices), 2), 0.5), texture)
+
+
+def _open_air(points: Array) -> Array:
+    return np.ones(len(points))
 
 
 def _lit(shade: Callable[[Array], Array], face: Face) -> Callable[[Array], Array]:

@@ -23,50 +23,62 @@ _RAYS = 48
 
 def ambient_shades(faces: tuple[Face, ...], occluders: tuple[Face, ...]) -> list[Shade]:
     """For each face a function from points (N, 3) on it to factors (N,) in (0, 1]: 1 in the open, less in corners."""
-    scene = RayScene(occluders)
-    grids = [_Grid(face) for face in faces]
-    step = max(0.08, float(np.sqrt(sum(g.area for g in grids) / MOST_POINTS)))
-    return [grid.shade(scene, step) for grid in grids]
+    if not faces:
+        return []
+    area = sum(float(np.prod(np.ptp(_flat(face), axis=0))) for face in faces)
+    step = max(0.08, float(np.sqrt(area / MOST_POINTS)))
+    grids = [_Grid(face, step) for face in faces]
+    counts = [len(grid.points) for grid in grids]
+    frames = np.repeat(np.stack([_frame(face) for face in faces]), counts, axis=0)
+    light = _light(RayScene(occluders), np.concatenate([g.points for g in grids]), frames)
+    return [g.shade(part) for g, part in zip(grids, np.split(light, np.cumsum(counts)[:-1]), strict=True)]
+
+
+def _light(scene: RayScene, points: Array, frames: Array) -> Array:
+    """Share of light (N,) that reaches points (N, 3) with frames (N, 3, 3): hits count less the further they are."""
+    total = np.zeros(len(points))
+    for direction in _cosine_directions(_RAYS):  # the same ones everywhere: smooth, no grain
+        distance, _ = scene.cast(points, direction @ frames)
+        total += np.clip(1 - distance / REACH, 0, 1) ** 2
+    return 1 - STRENGTH * total / _RAYS
+
+
+def _frame(face: Face) -> Array:
+    """Two unit vectors in the plane of the face and its normal, as rows (3, 3)."""
+    normal = face.normal
+    first = np.cross([0.0, 0.0, 1.0] if abs(normal[2]) < 0.7 else [1.0, 0.0, 0.0], normal)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first), normal])
+
+
+def _flat(face: Face) -> Array:
+    """The vertices (V, 2) in the plane of the face, m."""
+    return np.asarray(face.vertices @ _frame(face)[:2].T)
 
 
 class _Grid:
-    """Points of a face on a square grid in its plane."""
+    """Points of a face on a grid of about `step` m in its plane."""
 
-    def __init__(self, face: Face) -> None:
-        self._normal = face.normal
-        helper = np.array([0.0, 0.0, 1.0]) if abs(self._normal[2]) < 0.7 else np.array([1.0, 0.0, 0.0])
-        first = np.cross(helper, self._normal)
-        first /= np.linalg.norm(first)
-        self._axes = np.stack([first, np.cross(self._normal, first)])
-        flat = face.vertices @ self._axes.T
-        self._low, self._extent = flat.min(axis=0), np.ptp(flat, axis=0)
-        self._height = float(face.vertices[0] @ self._normal)
-        self.area = float(np.prod(self._extent))
+    def __init__(self, face: Face, step: float) -> None:
+        flat, frame = _flat(face), _frame(face)
+        self._axes, self._low, extent = frame[:2], flat.min(axis=0), np.ptp(flat, axis=0)
+        counts = np.maximum(np.ceil(extent / step).astype(int), 1) + 1
+        self._shape = (int(counts[1]), int(counts[0]))
+        self._spacing = np.maximum(extent, 1e-6) / (counts - 1)
+        x, y = np.meshgrid(*(np.arange(n) * s for n, s in zip(counts, self._spacing, strict=True)))
+        off_the_edge = np.clip(np.column_stack([x.ravel(), y.ravel()]), 0.01, np.maximum(extent - 0.01, 0.01))
+        height = float(face.vertices[0] @ frame[2]) + 5e-3
+        self.points = (off_the_edge + self._low) @ self._axes + height * frame[2]
 
-    def shade(self, scene: RayScene, step: float) -> Shade:
-        counts = np.maximum(np.ceil(self._extent / step).astype(int), 1) + 1
-        spacing = np.maximum(self._extent, 1e-6) / (counts - 1)
-        x, y = np.meshgrid(*(np.arange(n) * s for n, s in zip(counts, spacing, strict=True)))
-        inset = np.clip(np.stack([x, y], axis=-1), 0.01, np.maximum(self._extent - 0.01, 0.01))  # off the neighbours
-        points = (inset + self._low) @ self._axes + (self._height + 5e-3) * self._normal
-        light = self._light(scene, points).astype(np.float32)[..., None]
-        low, axes = self._low, self._axes
+    def shade(self, light: Array) -> Shade:
+        """Looks up `light` (N,), that of `points`, anywhere on the face."""
+        picture = light.reshape(*self._shape, 1).astype(np.float32)
 
         def at(spots: Array) -> Array:
-            place = (spots @ axes.T - low) / spacing
-            return np.asarray(bilinear(light, place[:, 0], place[:, 1])[:, 0], dtype=np.float64)
+            place = (spots @ self._axes.T - self._low) / self._spacing
+            return np.asarray(bilinear(picture, place[:, 0], place[:, 1])[:, 0], dtype=np.float64)
 
         return at
-
-    def _light(self, scene: RayScene, points: Array) -> Array:
-        """Share of light (...) that reaches points (..., 3): hits count less the further they are."""
-        local = _cosine_directions(_RAYS)
-        directions = local[:, :2] @ self._axes + local[:, 2:] * self._normal
-        total = np.zeros(points.shape[:-1])
-        for direction in directions:  # the same ones everywhere: smooth, no grain
-            distance, _ = scene.cast(points, np.broadcast_to(direction, points.shape))
-            total += np.clip(1 - distance / REACH, 0, 1) ** 2
-        return 1 - STRENGTH * total / len(directions)
 
 
 def _cosine_directions(count: int) -> NDArray[np.float64]:

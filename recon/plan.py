@@ -65,6 +65,22 @@ def room_area(layout: Layout) -> BaseGeometry:
     return shapely.unary_union([shapely.Polygon(room.polygon) for room in layout.rooms])
 
 
+def label_spot(polygon: Array) -> tuple[Array, float]:
+    """Where the label of a room (n, 2) goes, (2,), and the radius, m, of the free circle around it.
+
+    The centroid where there is about as much room as anywhere, else the middle of the largest circle in the room.
+    """
+    import shapely
+    from shapely.ops import polylabel
+
+    shape = shapely.Polygon(polygon)
+    centroid, widest = shape.centroid, polylabel(shape, tolerance=0.05)
+    inside = shape.contains(centroid)
+    enough = inside and centroid.distance(shape.exterior) > 0.9 * widest.distance(shape.exterior)
+    spot = centroid if enough else widest
+    return np.array([spot.x, spot.y]), float(spot.distance(shape.exterior))
+
+
 def wall_bodies(layout: Layout, walls: tuple[Wall, ...] | None = None, cut: bool = True) -> BaseGeometry:
     """Ground taken by the walls: DRAWN_THICKNESS behind each face, mitred at corners, never inside a room.
 

@@ -110,10 +110,8 @@ class TexturedScene:
         out = background.copy()
         order = np.argsort(hits.face, kind="stable")
         bounds = np.searchsorted(hits.face[order], np.arange(len(self._faces) + 1))
-        for index in range(len(self._faces)):
+        for index in np.flatnonzero(np.diff(bounds)):
             mine = order[bounds[index] : bounds[index + 1]]
-            if len(mine) == 0:
-                continue
             points = hits.point[mine]
             colours = self._colours[index].at(points, hits.spacing[mine])
             if self._shades is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,40 +41,50 @@ def align(
     Gauss-Newton on small turns and moves of all cameras with a prior on the poses given; Geman-McClure weights whose
     scale follows the residuals, since what is not on a face (clutter, reflections) matches too.
     """
-    from scipy import sparse
-    from scipy.sparse.linalg import spsolve
-
     pairs = [_rays(m, faces, camera) for m in matches if len(m.face)]
     if not pairs:
         return poses
     used = sorted({i for pair in pairs for i in (pair.first, pair.second)})
-    column = {image: 6 * k for k, image in enumerate(used)}
     focal = float(np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1]))
-    prior = np.tile(np.repeat([1 / PRIOR_TURN, 1 / PRIOR_MOVE], 3) ** 2, len(used))
-    moved = np.zeros(len(prior))
+    moved = np.zeros(6 * len(used))
     current = list(poses)
     for _ in range(ITERATIONS):
         rows = [_linearise(pair, current, focal) for pair in pairs]
-        scale = max(1.5 * NOISE, 1.5 * float(np.median(np.concatenate([np.linalg.norm(r[0], axis=1) for r in rows]))))
-        normal = sparse.lil_matrix((len(prior), len(prior)))
-        right = -prior * moved
-        for pair, (residual, jacobian) in zip(pairs, rows, strict=True):
-            weight = 1 / (1 + (residual**2).sum(axis=1) / scale**2) ** 2 / NOISE**2
-            weight *= min(1.0, FULL_WEIGHT / len(weight))
-            place = np.r_[column[pair.first] : column[pair.first] + 6, column[pair.second] : column[pair.second] + 6]
-            normal[np.ix_(place, place)] += np.einsum("m,mki,mkj->ij", weight, jacobian, jacobian)
-            right[place] -= np.einsum("m,mki,mk->i", weight, jacobian, residual)
-        step = np.asarray(spsolve((normal + sparse.diags(prior)).tocsc(), right))
+        step = _solve(pairs, rows, used, moved)
         moved += step
-        for image in used:
-            current[image] = _moved(current[image], step[column[image] : column[image] + 6])
+        for k, image in enumerate(used):
+            current[image] = _moved(current[image], step[6 * k : 6 * k + 6])
     return current
 
 
+def _solve(pairs: list[_Pair], rows: list[tuple[Array, Array]], used: list[int], moved: Array) -> Array:
+    """One weighted least-squares step (6 per used image); moved: the sum of the steps so far, held by the prior."""
+    from scipy import sparse
+    from scipy.sparse.linalg import spsolve
+
+    sizes = np.concatenate([np.linalg.norm(residual, axis=1) for residual, _ in rows])
+    scale = 1.5 * max(NOISE, float(np.median(sizes)))
+    prior = np.tile(np.repeat([1 / PRIOR_TURN, 1 / PRIOR_MOVE], 3) ** 2, len(used))
+    right = -prior * moved
+    column = {image: 6 * k + np.arange(6) for k, image in enumerate(used)}
+    blocks, places = [], []
+    for pair, (residual, jacobian) in zip(pairs, rows, strict=True):
+        weight = 1 / (1 + (residual**2).sum(axis=1) / scale**2) ** 2 / NOISE**2
+        weight *= min(1.0, FULL_WEIGHT / len(weight))
+        place = np.concatenate([column[pair.first], column[pair.second]])
+        right[place] -= np.einsum("m,mki,mk->i", weight, jacobian, residual)
+        blocks.append(np.einsum("m,mki,mkj->ij", weight, jacobian, jacobian).ravel())
+        places.append(np.stack(np.meshgrid(place, place, indexing="ij")).reshape(2, -1))
+    n = len(right)
+    normal = sparse.coo_matrix((np.concatenate(blocks), tuple(np.concatenate(places, axis=1))), shape=(n, n))
+    return np.asarray(spsolve((normal + sparse.diags(prior)).tocsc(), right))
+
+
 def _rays(matches: Matches, faces: tuple[Face, ...], camera: Camera) -> _Pair:
-    planes = {int(k): Plane.of(faces[k]) for k in np.unique(matches.face)}
-    point = np.array([planes[int(k)].origin for k in matches.face])
-    normal = np.array([planes[int(k)].normal for k in matches.face])
+    found, index = np.unique(matches.face, return_inverse=True)
+    planes = [Plane.of(faces[k]) for k in found]
+    point = np.array([plane.origin for plane in planes])[index]
+    normal = np.array([plane.normal for plane in planes])[index]
     ends = [
         np.column_stack([camera.undistort(p), np.ones(len(p))]) for p in (matches.first_pixels, matches.second_pixels)
     ]
@@ -118,8 +129,6 @@ def _cross(vectors: Array) -> Array:
 
 
 def _moved(pose: Pose3 | None, step: Array) -> Pose3 | None:
-    import cv2
-
     if pose is None:
         return None
     turn = np.asarray(cv2.Rodrigues(step[:3])[0], dtype=np.float64)

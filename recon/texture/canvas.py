@@ -102,9 +102,9 @@ class Canvas:
         count = tiles.sum(axis=(1, 3))
         some = count > 0
         share = np.maximum(count, 1)
-        x = np.einsum("ribj,j->rb", tiles, offsets) / share + BLOCK * np.arange(columns)
-        y = np.einsum("ribj,i->rb", tiles, offsets) / share + BLOCK * np.arange(rows)[:, None]
-        return self.points(x, y), some
+        x = (np.einsum("ribj,j->rb", tiles, offsets) / share) + BLOCK * np.arange(columns)
+        y = (np.einsum("ribj,i->rb", tiles, offsets) / share) + BLOCK * np.arange(rows)[:, None]
+        return self.points(np.asarray(x, np.float64), np.asarray(y, np.float64)), some
 
     def nodes(self, rows: tuple[int, int], columns: tuple[int, int]) -> Array:
         """Middles (r + 2, c + 2, 3) of the blocks from rows[0] to before rows[1] ..., with one ring around them."""

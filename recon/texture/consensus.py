@@ -13,21 +13,31 @@ from recon.texture.candidates import KEPT, Candidates
 
 MIN_VIEWS = 4
 """Fewer views cannot outvote one that is wrong."""
-CLUTTER_FROM, CLUTTER_TO, CLUTTER_COST = 22.0, 60.0, 4.0
+CLUTTER_FROM, CLUTTER_TO, CLUTTER_COST = 22.0, 60.0, 5.0
 """Levels (0 to 255) by which a patch differs where its cost starts and where it is full, and that cost in octaves."""
-CORRECTION = 0.35
-"""Largest correction, logarithm."""
-REACH = 6.0
+AGREE, MAJORITY, UNANIMITY = 20.0, 0.5, 0.75
+"""Levels within which views agree; shares of views that do so where their word starts to count and where it is law."""
+CORRECTION, TINT = 0.7, 0.1
+"""Largest correction of brightness and of hue, logarithm: shine and shade are grey, clutter need not be."""
+REACH = 3.0
 """Blocks: standard deviation of the smoothing of corrections."""
+
+
+Slots = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Blocks of a view, and its slot in each."""
 
 
 @dataclass(frozen=True)
 class Consensus:
-    """Of n blocks: colour (n, 3), 0 to 255, the median of views; count (n,) of views; deviation (n, KEPT) from it."""
+    """Of n blocks: colour (n, 3), 0 to 255, the median of views; count (n,) of views; deviation (n, KEPT) from it.
+
+    trust: (n,), 0 to 1, whether enough views agree for the others to be wrong.
+    """
 
     colour: NDArray[np.float32]
     count: NDArray[np.int64]
     deviation: NDArray[np.float32]
+    trust: NDArray[np.float32]
 
 
 def agree(candidates: Candidates, gains: Array) -> Consensus:
@@ -41,9 +51,13 @@ def agree(candidates: Candidates, gains: Array) -> Consensus:
     low, high = ranked[rows, np.maximum(count - 1, 0) // 2], ranked[rows, np.minimum(count // 2, KEPT - 1)]
     median = np.where(count[:, None] > 0, 0.5 * (low + high), 0).astype(np.float32)
     colours[~known] = 0
-    deviation = np.abs(colours - median[:, None]).max(axis=2)
+    away = colours - median[:, None]
+    away -= np.maximum(away.min(axis=2, keepdims=True), 0)  # a grey gleam is no other thing
+    deviation = np.abs(away).max(axis=2)
     deviation[~known] = 0
-    return Consensus(median, count, np.minimum(deviation, 255))
+    share = (known & (deviation < AGREE)).sum(axis=1) / np.maximum(count, 1)
+    trust = np.clip((share - MAJORITY) / (UNANIMITY - MAJORITY), 0, 1) * (count >= MIN_VIEWS)
+    return Consensus(median, count, np.minimum(deviation, 255), trust.astype(np.float32))
 
 
 def clutter_cost(candidates: Candidates, consensus: Consensus, shape: tuple[int, int]) -> NDArray[np.float32]:
@@ -57,7 +71,7 @@ def clutter_cost(candidates: Candidates, consensus: Consensus, shape: tuple[int,
         grid = window.scatter(block, consensus.deviation[block, slot], np.inf)
         core = window.gather(cv2.erode(grid, np.ones((3, 3), np.uint8)), block)
         share = np.clip((core - CLUTTER_FROM) / (CLUTTER_TO - CLUTTER_FROM), 0, 1)
-        out[block, slot] = np.where(consensus.count[block] >= MIN_VIEWS, CLUTTER_COST * share, 0)
+        out[block, slot] = CLUTTER_COST * share * consensus.trust[block]
     return out
 
 
@@ -107,13 +121,15 @@ class Correction:
 
 
 def correct(
-    candidates: Candidates, consensus: Consensus, gain: Array, seen: tuple[Array, Array], shape: tuple[int, int]
+    candidates: Candidates, consensus: Consensus, gain: Array, seen: Slots, shape: tuple[int, int]
 ) -> Correction:
     """The smooth difference between the consensus and one view (its gain (3,), and its blocks and slots `seen`)."""
     block, slot = seen
     own = np.log(candidates.colour[block, slot] * gain.astype(np.float32) + 4.0)
-    log = np.clip(np.log(consensus.colour[block] + 4.0) - own, -CORRECTION, CORRECTION)
-    weight = (consensus.count[block] >= MIN_VIEWS).astype(np.float32) + np.float32(1e-3)
+    log = np.log(consensus.colour[block] + 4.0) - own
+    brightness = log.mean(axis=1, keepdims=True)
+    log = np.clip(brightness, -CORRECTION, CORRECTION) + np.clip(log - brightness, -TINT, TINT)
+    weight = consensus.trust[block] + np.float32(1e-3)
     window = Window.around(block, shape)
     total = window.scatter(block, np.column_stack([log * weight[:, None], weight]), 0.0)
     smooth = cv2.GaussianBlur(total, (0, 0), REACH, borderType=cv2.BORDER_CONSTANT)

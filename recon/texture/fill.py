@@ -8,12 +8,52 @@ from numpy.typing import NDArray
 
 Grid = NDArray[np.float32]
 
+SURROUNDINGS = 20.0
+"""Cells (standard deviation): posters and doors are smaller than that, changes of light are wider."""
+UNUSUAL = 18.0
+"""Levels (0 to 255), one standard deviation at least: a cell that differs by more from the usual does not spread."""
+PULL = 1e-3
+"""Weight of the face's own usual colour in every cell: far from anything seen, it wins."""
+
+
+def fill_smoothly(colour: Grid, weight: Grid) -> Grid:
+    """Colours (r, c, 3) of a face whose cells of weight (r, c) > 0, up to 1, are known: the others continue them.
+
+    What is unlike its wide surroundings, or unlike most of the face, does not spread.
+    """
+    common = usual_colour(colour, weight)
+    ordinary = weight * (_weight(colour, common, weight) + 0.01)
+    stacked = np.concatenate([colour * ordinary[..., None], ordinary[..., None]], axis=2)
+    wide = cv2.GaussianBlur(stacked, (0, 0), SURROUNDINGS, borderType=cv2.BORDER_REPLICATE)
+    around = (wide[..., :3] + 1e-4 * common) / (wide[..., 3:] + 1e-4)
+    spread = weight * _weight(colour, around, weight)
+    total = spread[..., None] + PULL
+    blended = (colour * spread[..., None] + common * PULL) / total
+    return push_pull(np.asarray(blended, np.float32), np.asarray(total[..., 0], np.float32))
+
+
+def usual_colour(colour: Grid, weight: Grid) -> Grid:
+    """The colour (3,) of most of the face: the weighted mean without what is far from it, starting at the median."""
+    seen = colour[weight > 0.5 * weight.max()]
+    centre = np.median(seen, axis=0)
+    for _ in range(5):
+        w = weight * _weight(colour, centre, weight)
+        centre = (colour * w[..., None]).sum(axis=(0, 1)) / max(float(w.sum()), 1e-6)
+    return np.asarray(centre, dtype=np.float32)
+
+
+def _weight(colour: Grid, centre: Grid, weight: Grid) -> Grid:
+    """(r, c), 0 to 1: how near colours are to `centre`, on the scale on which half of the face lies."""
+    away = np.abs(colour - centre).max(axis=2)
+    scale = max(UNUSUAL, 1.5 * float(np.median(away[weight > 0.5 * weight.max()])))
+    return np.asarray(np.exp(-0.5 * (away / scale) ** 2), dtype=np.float32)
+
 
 def push_pull(colour: Grid, weight: Grid) -> Grid:
     """Colours (r, c, 3) with the holes, weight (r, c) = 0, filled smoothly from what surrounds them.
 
-    Gortler et al. 1996: averages over ever larger squares are taken from known cells only, then handed down to the unknown ones. Something
-    must be known.
+    Gortler et al. 1996: averages over ever larger squares are taken from known cells only, then handed down to the
+    unknown ones. Something must be known.
     """
     known = np.clip(weight, 0, 1)[..., None]
     if min(colour.shape[:2]) == 1 and max(colour.shape[:2]) == 1:

@@ -18,7 +18,7 @@ WORKING_WIDTH = 360
 NODE = 8
 """Pixels of the small image between points whose place in the other image is computed; linear in between."""
 CORNERS, CORNER_DISTANCE, CORNER_QUALITY = 250, 7, 0.01
-WINDOW = (17, 17)
+WINDOW, PYRAMID = (17, 17), 2
 MAX_RETURN = 0.5
 """Pixels: tracked there and back, a point must come back this near."""
 
@@ -95,9 +95,8 @@ def contrast(image: Image) -> Image:
 
 def _track(a: Image, b: Image, corners: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Where the corners are in b, and whether that is sure (tracked back they return)."""
-    options = {"winSize": WINDOW, "maxLevel": 2}
-    found, status, _ = cv2.calcOpticalFlowPyrLK(a, b, corners, None, **options)
-    back, status_back, _ = cv2.calcOpticalFlowPyrLK(b, a, found, None, **options)
+    found, status, _ = cv2.calcOpticalFlowPyrLK(a, b, corners, None, winSize=WINDOW, maxLevel=PYRAMID)
+    back, status_back, _ = cv2.calcOpticalFlowPyrLK(b, a, found, None, winSize=WINDOW, maxLevel=PYRAMID)
     distance = np.linalg.norm((back - corners).reshape(-1, 2), axis=1)
     return found, (status.ravel() == 1) & (status_back.ravel() == 1) & (distance < MAX_RETURN)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recon.geometry import Array, Pose3
 from recon.texture.canvas import BLOCK, Canvas, enlarge
 from recon.texture.consensus import Correction
-from recon.texture.fill import push_pull
+from recon.texture.fill import fill_smoothly
 from recon.texture.labelling import Views
 from recon.texture.view import Image, Lens, at_level, level_of, pyramid
 
@@ -78,6 +78,7 @@ def _tile(
     (top, bottom), (left, right) = tile
     views = padded[top : bottom + 2, left : right + 2]
     total = np.zeros(((bottom - top) * BLOCK, (right - left) * BLOCK, 4), np.float32)
+    cover = np.zeros(total.shape[:2], np.float32)
     for view in np.unique(views[views >= 0]):
         shot, image = shots[int(view)], load(int(view))
         if image is None:
@@ -85,16 +86,18 @@ def _tile(
         mine = views == view
         r, c = _extent(mine.any(axis=1), top), _extent(mine.any(axis=0), left)
         r, c = (max(r[0], top), min(r[1], bottom)), (max(c[0], left), min(c[1], right))
-        weight = enlarge(mine[r[0] - top : r[1] - top + 2, c[0] - left : c[1] - left + 2].astype(np.float32))
-        weight = np.clip(FEATHER * (weight - 0.5) + 0.5, 0, 1)
         colour, valid = _project(canvas, r, c, shot, lens, image)
+        share = valid * enlarge(mine[r[0] - top : r[1] - top + 2, c[0] - left : c[1] - left + 2].astype(np.float32))
+        weight = _steep(share) + 1e-3 * share  # the latter where more than two views meet and none has half a share
         place = slice((r[0] - top) * BLOCK, (r[1] - top) * BLOCK), slice((c[0] - left) * BLOCK, (c[1] - left) * BLOCK)
-        weight *= valid
+        cover[place] += share
         total[place][..., :3] += colour * weight[..., None]
         total[place][..., 3] += weight
-    alpha = total[..., 3]
-    colour = total[..., :3] / np.maximum(alpha, 1e-6)[..., None]
-    return _to_uint8(colour), _to_uint8(np.minimum(alpha, 1) * 255)
+    return _to_uint8(total[..., :3] / np.maximum(total[..., 3:], 1e-6)), _to_uint8(_steep(cover) * 255)
+
+
+def _steep(share: Grid) -> Grid:
+    return np.clip(FEATHER * (share - 0.5) + 0.5, 0, 1)
 
 
 def _extent(any_in: NDArray[np.bool_], start: int) -> Range:
@@ -122,7 +125,7 @@ def best_level(footprint: Sequence[float] | Array) -> int:
     return int(level_of(float(np.median(footprint)) / 1.4, 16))
 
 
-def _to_uint8(values: Grid) -> Image:
+def _to_uint8(values: Grid | Array) -> Image:
     return np.clip(np.round(values), 0, 255).astype(np.uint8)
 
 
@@ -135,7 +138,8 @@ def _fill(picture: Image, alpha: Image) -> None:
     known = cv2.bitwise_and(picture, picture, mask=(alpha >= 128).astype(np.uint8))
     share = cv2.resize((alpha >= 128).astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
     mean = cv2.resize(known, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32)
-    smooth = push_pull(mean / np.maximum(share, 1e-3)[..., None], np.where(share > 0.1, np.maximum(weight, share), 0))
+    mean /= np.maximum(share, 1e-3)[..., None]
+    smooth = fill_smoothly(mean, np.where(share > 0.1, weight, 0))
     padded = np.pad(smooth, ((1, 1), (1, 1), (0, 0)), mode="edge")
     for (top, bottom), (left, right) in _tiles(rows, columns):
         place = _texels((top, bottom)), _texels((left, right))

@@ -68,12 +68,9 @@ def texture_faces(
     gains = samples.gains(len(map_from_camera))
     cached = ImageCache(load, CACHE_BYTES)
     textured: dict[str, Face] = {}
-
-    def paint(k: int) -> Face:
-        return _paint(canvases[k], candidates[k], gains, rig, cached)
-
-    with progress.stage("textures", total=len(canvases), unit="faces") as stage:
-        for face in ordered_map(paint, range(len(canvases)), workers):
+    work = list(zip(canvases, candidates, strict=True))
+    with progress.stage("textures", total=len(work), unit="faces") as stage:
+        for face in ordered_map(lambda w: _paint(*w, gains, rig, cached), work, workers):
             textured[face.name] = face
             stage.advance()
     return tuple(textured.get(face.name, face) for face in faces)

@@ -37,7 +37,7 @@ SYSTEMATIC = 0.004
 
 
 def measure_ceiling(
-    layout: Layout, frames: Sequence[FrameLines], map_from_camera: Sequence[Pose3 | None], camera: Camera
+    layout: Layout, frames: Sequence[FrameLines | None], map_from_camera: Sequence[Pose3 | None], camera: Camera
 ) -> tuple[float | None, float | None]:
     """Height of the ceiling above the floor and its standard deviation, m; (None, None) when images do not tell.
 
@@ -47,8 +47,8 @@ def measure_ceiling(
     answer where a second height does nearly as well. frames and map_from_camera (None: not known) have the same
     length; camera: of the frames, its K counts.
     """
-    step = max(1, int(np.ceil(len(frames) / MAX_FRAMES)))
-    views = [(f, p) for f, p in zip(frames[::step], map_from_camera[::step], strict=True) if p is not None and len(f)]
+    seen = [(f, p) for f, p in zip(frames, map_from_camera, strict=True) if f is not None and p is not None and len(f)]
+    views = seen[:: max(1, int(np.ceil(len(seen) / MAX_FRAMES)))]
     walls = layout.walls
     if not views or not walls:
         return None, None

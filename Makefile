@@ -11,7 +11,6 @@ READY := $(VENV)/.ready
 demo: $(READY)
 	mkdir -p demo
 	$(BIN)/recon build samples/corridor -o demo/corridor.usd -o demo/corridor.glb -o demo/corridor.dxf --work demo/corridor.recon
-	@echo "Open demo/corridor.recon/report.html in a browser, demo/corridor.glb in Blender or any glTF viewer."
 
 test: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from recon.config import LayoutConfig
 from recon.geometry import Array
 from recon.graph.estimate import MapEstimate
-from recon.layout.cells import cut_plane
+from recon.layout.cells import Cells, cut_plane
+from recon.layout.clutter import is_sure, without_clutter
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
 from recon.layout.labelling import areas, label_cells, seen_from, supports
@@ -23,13 +25,6 @@ from recon.layout.visited import visited_space
 from recon.model import Layout, Room, Wall
 from recon.sequence.sequence import Scans
 
-SHORTEST_WALL = 0.5
-"""m of support; lines with less are clutter."""
-SHORTEST_PARTITION = 1.5
-"""m of support; shorter lines with free space right behind them are clutter too."""
-BEHIND = (0.15, 0.25, 0.35)
-"""m"""
-
 
 def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> Layout:
     """The plan of what a drive saw, in the map frame, without a ceiling height (`measure_ceiling` finds it).
@@ -38,31 +33,14 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     outside by one energy (`label_cells`); the outline of the inside gives rooms and walls. Where no wall was seen the
     outline is closed all the same, by walls of source "inferred" with wide sigmas.
     """
+    path = estimate.trajectory.poses[:, :2]
     starts, ends = scan_rays(estimate.trajectory, scans)
     space = free_space(estimate.trajectory, starts, ends)
-    lines = [line for line in absorb_steps(merged_lines(estimate.walls)) if _is_wall(line)]
-    lines = [line for line in lines if line.source == "image" or not _is_free_standing(line, space)]
-    visited = visited_space(space, lines, estimate.trajectory.poses[:, :2])
+    lines = without_clutter(absorb_steps(merged_lines(estimate.walls)), space)
+    visited = visited_space(space, [line for line in lines if is_sure(line)], path)
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
-    support = supports(cells, lines)
-    evidence = support.copy()
-    evidence[:, 1:3] *= seen_from(cells, space, visited)
-    reached, glanced = areas(cells, space, visited), areas(cells, space, space.free & ~visited)
-    inside = label_cells(cells, lines, reached, glanced, evidence)
-    spans = cells.spans(lines)
-    path = estimate.trajectory.poses[:, :2]
-    found, parting = regions(cells, inside, support[:, 0], spans, glanced > reached, path)
-    rooms_cells = np.zeros(len(cells.polygons), np.bool_)
-    rooms_cells[np.concatenate([region.cells for region in found])] = True
-    outlines = [
-        [simplified(ring, space) for ring in sides(cells, region, support[:, 0], rooms_cells)] for region in found
-    ]
-    walls: list[Wall] = []
-    for region, outline in zip(found, outlines, strict=True):
-        for side in [side for ring in outline for side in ring] + spurs(cells, region, parting, spans, lines):
-            walls += walls_of(side, lines, len(walls))
-    rooms = _rooms(outlines)
+    walls, rooms = _walls_and_rooms(cells, lines, space, visited, path)
     openings = find_openings(walls, starts, ends, space)
     objects = floor_objects(walls, [shapely.Polygon(room.polygon) for room in rooms], space)
     return Layout(
@@ -74,21 +52,23 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     )
 
 
-def _is_wall(line: PlanLine) -> bool:
-    return line.source == "image" or line.supported_length >= SHORTEST_WALL
-
-
-def _is_free_standing(line: PlanLine, space: FreeSpace) -> bool:
-    """Whether rays passed just behind most of a short line: furniture, or an open door's leaf."""
-    if line.supported_length >= SHORTEST_PARTITION:
-        return False
-    shares = []
-    for stretches, side in ((line.front, 1.0), (line.back, -1.0)):
-        for low, high in stretches:
-            foot = line.point(np.arange(low, high, space.resolution))
-            behind = [space.is_free(foot - side * depth * line.normal) for depth in BEHIND]
-            shares.append(np.any(behind, axis=0))
-    return bool(np.concatenate(shares).mean() > 0.5)
+def _walls_and_rooms(
+    cells: Cells, lines: list[PlanLine], space: FreeSpace, visited: NDArray[np.bool_], path: Array
+) -> tuple[list[Wall], list[Room]]:
+    """Cells labelled and joined to rooms, and the outlines of these as walls."""
+    support, spans = supports(cells, lines), cells.spans(lines)
+    evidence = support.copy()
+    evidence[:, 1:3] *= seen_from(cells, space, visited)
+    reached, glanced = areas(cells, space, visited), areas(cells, space, space.free & ~visited)
+    inside = label_cells(cells, lines, reached, glanced, evidence)
+    found, parting = regions(cells, inside, support[:, 0], spans, glanced > reached, path)
+    in_room = np.isin(np.arange(len(cells.polygons)), [cell for region in found for cell in region.cells])
+    outlines = [[simplified(ring, space) for ring in sides(cells, region, support[:, 0], in_room)] for region in found]
+    walls: list[Wall] = []
+    for region, outline in zip(found, outlines, strict=True):
+        for side in [side for ring in outline for side in ring] + spurs(cells, region, parting, spans, lines):
+            walls += walls_of(side, lines, len(walls))
+    return walls, _rooms(outlines)
 
 
 def _bounds(space: FreeSpace, lines: list[PlanLine]) -> tuple[Array, Array]:

@@ -99,7 +99,7 @@ def _runs(flag: NDArray[np.bool_], known: NDArray[np.bool_]) -> list[tuple[int, 
 
 
 def _has_jambs(a: int, b: int, flag: NDArray[np.bool_], known: NDArray[np.bool_]) -> bool:
-    """Whether wall was seen within four bins of both ends of a run, or of one and the wall's corner is at the other."""
+    """Whether wall was seen within four bins of both ends of a run, or of one and nothing was seen at the other."""
     solid = known & ~flag
     left, right = bool(solid[max(a - 4, 0) : a].any()), bool(solid[b : b + 4].any())
-    return (left or a <= 4) and (right or b >= len(flag) - 4) and (left or right)
+    return (left or not known[max(a - 4, 0) : a].any()) and (right or not known[b : b + 4].any()) and (left or right)

@@ -1,0 +1,51 @@
+"""Which lines are walls: furniture and open doors make short lines too."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recon.layout.evidence import FreeSpace
+from recon.layout.frontier import distance_to_walls
+from recon.layout.line import PlanLine
+
+SHORTEST_WALL = 0.5
+"""m of support; lines with less are clutter."""
+SURE_WALL = 1.0
+"""m of support; shorter lines are walls only beside such ones ..."""
+BESIDE = 0.5
+"""... at most this far, m, from one of their ends."""
+SHORTEST_PARTITION = 1.5
+"""m of support; shorter lines with free space right behind them are clutter."""
+BEHIND = (0.15, 0.25, 0.35)
+"""m"""
+
+
+def is_sure(line: PlanLine) -> bool:
+    """Whether a line is long enough to be a wall by itself, or an image showed its foot on the floor."""
+    return line.source == "image" or line.supported_length >= SURE_WALL
+
+
+def without_clutter(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
+    """The lines that are walls."""
+    lines = [line for line in lines if line.source == "image" or line.supported_length >= SHORTEST_WALL]
+    lines = [line for line in lines if line.source == "image" or not _stands_free(line, space)]
+    sure = [line for line in lines if is_sure(line)]
+    return [line for line in lines if is_sure(line) or not _is_alone(line, sure)]
+
+
+def _stands_free(line: PlanLine, space: FreeSpace) -> bool:
+    """Whether rays passed just behind most of a short line: furniture, or an open door's leaf."""
+    if line.supported_length >= SHORTEST_PARTITION:
+        return False
+    shares = []
+    for stretches, side in ((line.front, 1.0), (line.back, -1.0)):
+        for low, high in stretches:
+            foot = line.point(np.arange(low, high, space.resolution))
+            behind = [space.is_free(foot - side * depth * line.normal) for depth in BEHIND]
+            shares.append(np.any(behind, axis=0))
+    return bool(np.concatenate(shares).mean() > 0.5)
+
+
+def _is_alone(line: PlanLine, sure: list[PlanLine]) -> bool:
+    ends = line.point(line.support[[0, -1], [0, 1]])
+    return bool(distance_to_walls(ends, sure).min() > BESIDE)

@@ -23,7 +23,7 @@ TURN = math.radians(1.0)
 """rad between the headings tried."""
 BLUR = 0.06
 """m, standard deviation of the likelihood around a map point."""
-MAX_POINTS = 200
+MAX_POINTS = 120
 PRIOR_WEIGHT = 0.01
 """What the squared normalised distance from the prior costs, in shares of the scan's points."""
 

@@ -40,6 +40,9 @@ class LocalMap:
     after: Ints
     corner: Array
 
+    def __len__(self) -> int:
+        return len(self.points)
+
 
 def build_map(cloud: Cloud, centre: Array, config: LidarConfig) -> LocalMap:
     """The map of a cloud in the map frame, within `EXTENT` of the centre (2,)."""

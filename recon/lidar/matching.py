@@ -15,7 +15,7 @@ from recon.lidar.correlative import PRIOR_WEIGHT, search
 from recon.lidar.icp import Alignment, align
 from recon.lidar.keyframes import Keyframes
 from recon.lidar.localmap import LocalMap
-from recon.lidar.motion import Motion, OdometryQuality, predict
+from recon.lidar.motion import Motion, OdometryQuality, predict, scan_velocities
 from recon.lidar.noise import with_noise
 from recon.lidar.points import scan_points
 from recon.sequence.sequence import Scans
@@ -28,20 +28,24 @@ LAST_KERNEL = 0.03
 """m, width of the kernel at the last iteration (`KERNEL_SIGMAS` times the range noise where that is more)."""
 GOOD_OVERLAP = 0.75
 """Share of a scan's points on the map from which an alignment near its prediction is beyond doubt."""
-MIN_OVERLAP = 0.2
+MIN_OVERLAP = 0.3
 """Share below which matching failed."""
 MIN_MATCHED = 8
 """Points on the map below which matching failed."""
-LAG_SCANS = 400
+LAG_SCANS = 300
 """Scans from which the lag of the odometry is found."""
+LAG_STEP = 0.5
+"""s: scans farther apart do not show a lag."""
 STEADY_TURN = np.radians(3.0)
 """rad since the last scan up to which a scan makes a good keyframe: while turning fast, scans are distorted."""
+LOST = 3
+"""Failures in a row after which the map is begun anew where the platform is thought to be."""
 MAX_SURPRISE = 16.0
 """Squared normalised distance from the prediction above which an alignment is in doubt."""
 REACH = 3.0
 """Standard deviations of the prediction that the search covers."""
 SMALLEST_WINDOW = (0.3, np.radians(10.0))
-LARGEST_WINDOW = (1.5, np.radians(60.0))
+LARGEST_WINDOW = (2.0, np.pi)
 """m, rad: bounds of the search."""
 FLOOR = (0.001, 0.0003)
 """m, rad: standard deviations of a relative motion that always stay."""
@@ -77,21 +81,26 @@ def match_scans(scans: Scans, odometry: Trajectory | None, config: LidarConfig) 
 
     Odometry, where it covers the scans, is the prediction and is fused with a weight that is learnt along the way;
     its lag is found first.
-    Scans with a `time_increment` are matched twice, the second time without their motion distortion.
+    Scans with a `time_increment` are matched again without their motion distortion.
     """
     config = with_noise(scans, config)
-    if odometry is not None:
+    if odometry is not None and len(scans) > 2 and np.median(np.diff(scans.timestamps)) < LAG_STEP:
         odometry = _on_scan_clock(scans, odometry, config)
+    velocities = None
     if scans.time_increment > 0:
-        first = _Matcher(scans, odometry, config, _odometry_velocities(scans, odometry)).run()
-        return _Matcher(scans, odometry, config, first.velocities).run()
-    return _Matcher(scans, odometry, config, None).run()
+        # two passes find the velocities that the last one takes out; the first has a guess at most
+        velocities = np.zeros((len(scans), 3)) if odometry is None else scan_velocities(scans, odometry)
+        for _ in range(2 if odometry is None else 1):
+            velocities = scan_velocities(scans, _Matcher(scans, odometry, config, velocities).run().trajectory)
+    return _Matcher(scans, odometry, config, velocities).run()
 
 
 def _on_scan_clock(scans: Scans, odometry: Trajectory, config: LidarConfig) -> Trajectory:
     """The odometry without its lag, which the first scans show when they are matched without it."""
     first = replace(scans, timestamps=scans.timestamps[:LAG_SCANS], ranges=scans.ranges[:LAG_SCANS], intensities=None)
-    lag = odometry_lag(_Matcher(first, None, config, None).run().trajectory, odometry)
+    # not yet free of distortion, these scans tell where the platform was halfway through each
+    half = 0.5 * scans.time_increment * scans.ranges.shape[1]
+    lag = odometry_lag(_Matcher(first, None, config, None).run().trajectory, odometry) - half
     return Trajectory(odometry.timestamps - lag, odometry.poses)
 
 
@@ -103,12 +112,13 @@ class _Matcher:
     ) -> None:
         n = len(scans)
         self._scans, self._odometry, self._config, self._velocities = scans, odometry, config, velocities
+        self._distortion = np.zeros((n, 3)) if velocities is None or n < 2 else _distortion(scans, velocities)
         self._noise = max(KERNEL_SIGMAS * config.range_sigma, LAST_KERNEL)
         self._quality = OdometryQuality()
         self._poses, self._failed = np.zeros((n, 3)), np.zeros(n, np.bool_)
         self._fused, self._alone = np.zeros((max(n - 1, 0), 3, 3)), np.zeros((max(n - 1, 0), 3, 3))
         self._pose_covariance = np.diag(np.array(FLOOR)[[0, 0, 1]] ** 2)
-        self._velocity = np.zeros(3)
+        self._velocity, self._lost = np.zeros(3), 0
 
     def run(self) -> ScanMatching:
         if len(self._scans):
@@ -116,7 +126,9 @@ class _Matcher:
         for k in range(1, len(self._scans)):
             self._step(k)
         trajectory = Trajectory(self._scans.timestamps, self._poses)
-        return ScanMatching(trajectory, self._fused, self._alone, self._failed, _velocities(trajectory), self._odometry)
+        return ScanMatching(
+            trajectory, self._fused, self._alone, self._failed, scan_velocities(self._scans, trajectory), self._odometry
+        )
 
     def _cloud(self, k: int) -> Cloud:
         velocity = None if self._velocities is None else self._velocities[k]
@@ -135,14 +147,17 @@ class _Matcher:
         scan = np.zeros((3, 3)) if failed else found.information
         self._note(k, motion, sigma, scan)
         self._velocity = between2(before, self._poses[k]) / (end - start)
+        self._lost = self._lost + 1 if failed else 0
         steady = abs(self._velocity[2]) * (end - start) < STEADY_TURN
-        if self._keyframes.is_due(self._poses[k]) and (steady or found.overlap < GOOD_OVERLAP):
+        due = self._keyframes.is_due(self._poses[k]) and (steady or found.overlap < GOOD_OVERLAP)
+        if due or self._lost >= LOST or len(self._keyframes.map) == 0:
             self._keyframes.add(cloud, self._poses[k])
 
     def _note(self, k: int, motion: Motion, sigma: Array, information: Array) -> None:
         """Covariances of the motion to scan k, whose match has `information` (3, 3) in the map frame."""
-        covariance = np.linalg.inv(information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
         turn = _turn(self._poses[k - 1, 2])
+        covariance = np.linalg.inv(information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
+        covariance += turn @ np.diag(self._distortion[k] ** 2) @ turn.T
         relative = between2(self._poses[k - 1], self._poses[k])
         # the later pose seen from the earlier one moves against the earlier one, and about it as it turns
         earlier = np.eye(3)
@@ -186,17 +201,7 @@ def _turn(yaw: float) -> Array:
     return turn
 
 
-def _velocities(trajectory: Trajectory) -> Array:
-    """(N, 3) velocity from each pose to the next, in its own frame; the last one's is held."""
-    if len(trajectory) < 2:
-        return np.zeros((len(trajectory), 3))
-    steps = between2(trajectory.poses[:-1], trajectory.poses[1:])
-    rates = steps / np.diff(trajectory.timestamps)[:, None]
-    return np.concatenate([rates, rates[-1:]])
-
-
-def _odometry_velocities(scans: Scans, odometry: Trajectory | None) -> Array:
-    """(N, 3) velocities at the scans by odometry, zero without it."""
-    if odometry is None:
-        return np.zeros((len(scans), 3))
-    return _velocities(Trajectory(scans.timestamps, odometry.at(scans.timestamps)))
+def _distortion(scans: Scans, velocities: Array) -> Array:
+    """(N, 3) m, m, rad: what is left of motion distortion when velocities (N, 3) change during the scans."""
+    sweep = scans.time_increment * scans.ranges.shape[1]
+    return np.asarray(0.25 * sweep * np.abs(np.gradient(velocities, axis=0)))

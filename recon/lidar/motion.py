@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recon.geometry import Array, between2, wrap_angle
+from recon.sequence.sequence import Scans
 from recon.sequence.trajectory import Trajectory
 
 ODOMETRY_LAG = 0.1
@@ -70,6 +71,22 @@ def _from_odometry(odometry: Trajectory, start: float, end: float) -> Motion:
     slip = ODOMETRY_FLOOR[0] + ODOMETRY_SLIP[0] * distance
     twist = ODOMETRY_FLOOR[1] + ODOMETRY_SLIP[1] * turn + ODOMETRY_DRIFT * distance
     return Motion(mean, np.array([slip, slip, twist]), lag, True)
+
+
+def scan_velocities(scans: Scans, trajectory: Trajectory) -> Array:
+    """(N, 3) m/s, m/s, rad/s in the platform frame: the velocity in the middle of each scan, by the trajectory.
+
+    Smoothed over three steps: an error of one pose would otherwise come back, larger, through the distortion that is
+    taken out of its scan.
+    """
+    if len(scans) < 2:
+        return np.zeros((len(scans), 3))
+    times, poses = scans.timestamps, trajectory.at(scans.timestamps)
+    rates = between2(poses[:-1], poses[1:]) / np.diff(times)[:, None]
+    padded = np.concatenate([rates[:1], rates, rates[-1:]])
+    smooth = 0.25 * padded[:-2] + 0.5 * padded[1:-1] + 0.25 * padded[2:]
+    middle = times + 0.5 * scans.time_increment * scans.ranges.shape[1]
+    return np.stack([np.interp(middle, 0.5 * (times[:-1] + times[1:]), smooth[:, c]) for c in range(3)], axis=1)
 
 
 class OdometryQuality:

@@ -6,7 +6,7 @@ new one. Later, with optimised poses and walls, all segments are assigned at onc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,12 +69,14 @@ class Drift:
         delta = self.position[scan] - self.position[nearest]
         across = np.abs(np.einsum("wi,wij,wj->w", normals, delta, normals))
         heading = np.abs(self.heading[scan] - self.heading[nearest])
-        across = np.minimum(across, MAX_DRIFT**2) + self.floor_position**2
-        return across, np.minimum(heading, MAX_HEADING_DRIFT**2) + self.floor_heading**2
+        return np.minimum(across, MAX_DRIFT**2), np.minimum(heading, MAX_HEADING_DRIFT**2)
 
 
 class WallTable:
-    """Wall lines that grow along the drive: an extended Kalman filter for each, on (offset, angle)."""
+    """Wall lines that grow along the drive: an extended Kalman filter for each, on (offset, angle).
+
+    Walls live in the drifting frame of the newest scans: one seen again after a while moves to where it is seen now.
+    """
 
     def __init__(self, capacity: int) -> None:
         self.size = 0
@@ -103,14 +105,17 @@ class WallTable:
         self.size += len(lines)
         return np.arange(rows.start, rows.stop)
 
-    def update(self, label: int, measured: tuple[float, float, float, float], noise: Array, scan: int) -> None:
-        """Fuse one segment: (along, offset, angle, half) in the wall's frame, its covariance (2, 2) at its middle."""
-        along, offset, angle, half = measured
+    def update(self, label: int, line: Lines, drift: Array, scan: int) -> None:
+        """Fuse one segment. drift: (2, 2) covariance of the wall's drift since it was seen, at the segment's middle."""
+        to_wall = Difference.between(line, self.lines[label : label + 1])
+        along, offset, angle = (float(a[0, 0]) for a in (to_wall.along, to_wall.offset, to_wall.angle))
+        half = float(line.half[0])
         x, y, yaw = self._pose[label]
         low, high = min(-self._half[label], along - half), max(self._half[label], along + half)
         shift = (low + high) / 2  # the wall's origin moves to the middle of its stretch
-        prior = carry(self._covariance[label], np.asarray(shift))
-        gain = prior @ np.linalg.inv(prior + carry(noise, np.asarray(shift - along)))
+        back = np.asarray(shift - along)
+        prior = carry(self._covariance[label], np.asarray(shift)) + carry(drift, back)
+        gain = prior @ np.linalg.inv(prior + carry(line.covariance[0], back))
         offset, angle = gain @ np.array([offset + (shift - along) * angle, angle])
         c, s = np.cos(yaw), np.sin(yaw)
         self._pose[label] = x + c * shift - s * offset, y + s * shift + c * offset, yaw + angle
@@ -138,16 +143,13 @@ def _track_scan(table: WallTable, lines: Lines, scan: int, poses: Array, drift: 
         normals = np.stack([-np.sin(walls.angle), np.cos(walls.angle)], axis=1)
         across, heading = drift.between(scan, *table.seen(), normals)
         lever = np.sum((lines.middle - poses[scan, :2]) * lines.direction, axis=1)
-        pose = _pose_covariance(lever[:, None], across[None], heading[None])
-        spread = carry(walls.covariance[None], difference.along) + lines.covariance[:, None] + pose
-        labels = _nearest(difference, spread + flatness(lines)[:, None])
+        moved = _pose_covariance(lever[:, None], across[None], heading[None])
         noise = lines.covariance + _pose_covariance(lever, drift.floor_position**2, drift.floor_heading**2)
+        spread = carry(walls.covariance[None], difference.along) + moved + (noise + flatness(lines))[:, None]
+        labels = _nearest(difference, spread)
+        noisy = replace(lines, covariance=noise)
         for k in np.flatnonzero(labels != NONE):
-            label = int(labels[k])
-            # the wall may have moved by a fellow segment of this scan: measured against it anew
-            now = Difference.between(lines[k : k + 1], table.lines[label : label + 1])
-            measured = (float(now.along[0, 0]), float(now.offset[0, 0]), float(now.angle[0, 0]), float(lines.half[k]))
-            table.update(label, measured, noise[k], scan)
+            table.update(int(labels[k]), noisy[k : k + 1], moved[k, labels[k]], scan)
     new = labels == NONE
     labels[new] = table.add(lines[new], scan)
     return labels

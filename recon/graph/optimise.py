@@ -26,20 +26,19 @@ class Solution:
     graph: Graph
 
 
-def optimise(problem: Problem, redescending: bool) -> Solution:
-    """Levenberg-Marquardt from the problem's start."""
+def optimise(problem: Problem, final: bool) -> Solution:
+    """Levenberg-Marquardt from the problem's start; the `final` time with Huber's loss, before with Cauchy's."""
     import gtsam
 
-    graph = build(problem, redescending)
+    graph = build(problem, redescending=not final)
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(MAX_ITERATIONS)
     parameters.setRelativeErrorTol(1e-6)
     parameters.setlambdaInitial(1e-6)
     values = gtsam.LevenbergMarquardtOptimizer(graph.factors, graph.initial, parameters).optimize()
-    poses = gtsam.utilities.extractPose2(values)
-    covariance = JointCovariance(graph.factors.linearize(values), graph.variables)
-    split = len(problem.poses)
-    return Solution(poses[:split], poses[split : split + len(problem.walls)], covariance, graph)
+    found = gtsam.utilities.extractPose2(values)  # in order of the keys
+    poses, walls, _ = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
+    return Solution(poses, walls, JointCovariance(graph.factors.linearize(values), graph.variables), graph)
 
 
 def wall_residuals(problem: Problem, solution: Solution) -> Array:

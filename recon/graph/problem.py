@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
+from recon.geometry import Array, wrap_angle
 from recon.graph.line import Lines, carry
 from recon.graph.motion import Motion, information_beyond_walls, sqrt_information
 from recon.graph.observation import WallObservations
@@ -23,8 +23,9 @@ Ints = NDArray[np.int64]
 
 GAUGE_POSITION, GAUGE_HEADING = 1e-5, 1e-6
 """m and rad: how tightly the first pose is held."""
-ALONG_SIGMA = 1.0
-"""m: the weak prior that keeps a wall's origin where it is along the wall."""
+ALONG_SIGMA = 1e-3
+"""m: how tightly a wall's origin is held along the wall. Where it lies is a matter of choice, but an origin that slid
+would change, to second order, what the segments say across the wall."""
 ROBUST = 3.0
 """Normalised residual beyond which a factor loses its hold."""
 
@@ -57,7 +58,9 @@ def wall_measurements(lines: Lines, poses: Array, walls: Array) -> tuple[Array, 
     (K, 3, 3) of their information.
 
     lines: observations in the map frame of the current `poses` (K, 3), one a line. walls: (K, 3) the wall of each. The
-    segment's covariance is carried from its middle to where the wall's origin is.
+    segment's covariance is carried from its middle to where the wall's origin is. GTSAM takes the logarithm of the
+    error: a move along the wall changes its y by half the angle between segment and wall, whose noise would so hold
+    the pose along the wall, by 3 / length^2 a segment. The first column takes that away again.
     """
     delta = walls[:, :2] - lines.middle
     along = np.sum(delta * lines.direction, axis=1)
@@ -66,7 +69,8 @@ def wall_measurements(lines: Lines, poses: Array, walls: Array) -> tuple[Array, 
     x, y = c * anchor[:, 0] + s * anchor[:, 1], -s * anchor[:, 0] + c * anchor[:, 1]
     root = np.zeros((len(lines), 3, 3))
     information = np.linalg.inv(carry(lines.covariance, along))
-    root[:, 1:, 1:] = np.linalg.cholesky(information).transpose(0, 2, 1)
+    root[:, :2, 1:] = np.linalg.cholesky(information).transpose(0, 2, 1)
+    root[:, 0, 0] = -root[:, 0, 1] * wrap_angle(walls[:, 2] - lines.angle) / 2
     return np.stack([x, y, lines.angle - poses[:, 2]], axis=1), root
 
 
@@ -106,9 +110,9 @@ def _add_walls(factors: Any, problem: Problem, rows: dict[str, Ints], loss: Any)
         k = np.flatnonzero(chosen)
         keys = len(problem.poses) + labels[k]
         rows[kind] = _between(factors, observations.pose[k], keys, measured[k], root[k], loss)
-    weak = gtsam.noiseModel.Gaussian.SqrtInformation(np.diag([1 / ALONG_SIGMA, 0.0, 0.0]), False)
+    held = gtsam.noiseModel.Gaussian.SqrtInformation(np.diag([1 / ALONG_SIGMA, 0.0, 0.0]), False)
     for number, pose in enumerate(walls):
-        factors.add(gtsam.PriorFactorPose2(len(problem.poses) + number, gtsam.Pose2(*pose), weak))
+        factors.add(gtsam.PriorFactorPose2(len(problem.poses) + number, gtsam.Pose2(*pose), held))
 
 
 def _add_axes(factors: Any, problem: Problem, rows: dict[str, Ints], loss: Any) -> None:

@@ -25,6 +25,10 @@ from recon.sequence.trajectory import Trajectory
 Ints = NDArray[np.int64]
 
 
+REFINEMENTS = 2
+"""Solutions between the first, from walls grown along the drive, and the last, with right angles."""
+
+
 @dataclass(frozen=True)
 class _State:
     """Where the rounds stand. labels (K,): the wall of every observation or NONE; variance (K,): its factor."""
@@ -61,14 +65,15 @@ def solve_graph(
         state = replace(state, odometry=fit_odometry(odometry, solved, motion))
     state = _rescaled(state, problem, solution, observations)
 
-    state = _drop_rare(_grown(_reassigned(state, observations), observations), observations)
-    problem, solution = _solve(state, motion, observations)
-    if config.manhattan:
-        state = replace(state, axes=_axes(state, solution))
-    state = _rescaled(_merged(state, solution), problem, solution, observations)
+    for _ in range(REFINEMENTS):
+        state = _drop_rare(_grown(_reassigned(state, observations), observations), observations)
+        problem, solution = _solve(replace(state, axes=()), motion, observations)
+        if config.manhattan:
+            state = replace(state, axes=_axes(state, solution))
+        state = _rescaled(_merged(state, solution), problem, solution, observations)
 
-    state = _reassigned(state, observations)
-    problem, solution = _solve(state, motion, observations, redescending=False)
+    state = _drop_rare(_reassigned(state, observations), observations)
+    problem, solution = _solve(state, motion, observations, final=True)
     return map_estimate(trajectory.timestamps, problem, solution)
 
 
@@ -81,7 +86,7 @@ def _start(trajectory: Trajectory, motion: Motion, observations: WallObservation
 
 
 def _solve(
-    state: _State, motion: Motion, observations: WallObservations, redescending: bool = True
+    state: _State, motion: Motion, observations: WallObservations, final: bool = False
 ) -> tuple[Problem, Solution]:
     used = np.flatnonzero(state.labels != NONE)
     scaled = WallObservations(
@@ -91,7 +96,7 @@ def _solve(
         observations.image[used],
     )
     problem = Problem(state.poses, motion, scaled, state.labels[used], state.walls, state.odometry, state.axes)
-    return problem, optimise(problem, redescending)
+    return problem, optimise(problem, final)
 
 
 def _merged(state: _State, solution: Solution) -> _State:
@@ -107,9 +112,11 @@ def _merged(state: _State, solution: Solution) -> _State:
     return replace(state, poses=solution.poses, walls=join(walls, group), labels=labels, axes=axes)
 
 
-def _renumbered(axis: Axis, group: Ints) -> Axis:
-    members, first = np.unique(group[axis.members], return_index=True)
-    return replace(axis, members=members, turns=axis.turns[first])
+def _renumbered(axis: Axis, number: Ints) -> Axis:
+    """The axis with every wall's new `number` (W,), without those that are gone (NONE)."""
+    members, first = np.unique(number[axis.members], return_index=True)
+    kept = members != NONE
+    return replace(axis, members=members[kept], turns=axis.turns[first][kept])
 
 
 def _axes(state: _State, solution: Solution) -> tuple[Axis, ...]:
@@ -153,4 +160,5 @@ def _drop_rare(state: _State, observations: WallObservations) -> _State:
     kept = (scans >= min(LEAST_SIGHTINGS, len(state.poses))) | (images >= LEAST_SIGHTINGS)
     number = np.where(kept, np.cumsum(kept) - 1, NONE)
     labels = np.where(state.labels == NONE, NONE, number[state.labels]) if len(number) else state.labels
-    return replace(state, walls=state.walls[kept], labels=labels)
+    axes = tuple(_renumbered(axis, number) for axis in state.axes)
+    return replace(state, walls=state.walls[kept], labels=labels, axes=axes)

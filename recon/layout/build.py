@@ -10,7 +10,7 @@ from recon.config import LayoutConfig
 from recon.geometry import Array
 from recon.graph.estimate import MapEstimate
 from recon.layout.cells import Cells, cut_plane
-from recon.layout.clutter import is_sure, without_clutter
+from recon.layout.clutter import is_sure, with_returns, without_clutter
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
 from recon.layout.labelling import areas, label_cells, seen_from, supports
@@ -36,7 +36,7 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     path = estimate.trajectory.poses[:, :2]
     starts, ends = scan_rays(estimate.trajectory, scans)
     space = free_space(estimate.trajectory, starts, ends)
-    lines = without_clutter(absorb_steps(merged_lines(estimate.walls)), space)
+    lines = without_clutter(absorb_steps(with_returns(merged_lines(estimate.walls), space)), space)
     visited = visited_space(space, [line for line in lines if is_sure(line)], path)
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
 from recon.layout.frontier import distance_to_walls
-from recon.layout.line import PlanLine
+from recon.layout.line import PlanLine, union
 
 SHORTEST_WALL = 0.5
 """m of support; lines with less are clutter."""
@@ -16,8 +21,32 @@ BESIDE = 0.5
 """... at most this far, m, from one of their ends."""
 SHORTEST_PARTITION = 1.5
 """m of support; shorter lines with free space right behind them are clutter."""
+SPARSE = 0.3
+"""m along a line between returns of one stretch."""
 BEHIND = (0.15, 0.25, 0.35)
 """m"""
+
+
+def with_returns(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
+    """LiDAR lines with only those stretches along which returns lie; image lines as they are."""
+    grown = cv2.dilate(space.hit.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    out = []
+    for line in lines:
+        if line.source == "lidar":
+            front, back = (_returned(line, part, grown, space) for part in (line.front, line.back))
+            line = replace(line, front=front, back=back)
+        if len(line.front) or len(line.back):
+            out.append(line)
+    return out
+
+
+def _returned(line: PlanLine, stretches: Array, hit: NDArray[np.bool_], space: FreeSpace) -> Array:
+    parts = []
+    for low, high in stretches:
+        edges = np.linspace(low, high, max(2, round((high - low) / space.resolution) + 1))
+        found = hit[space.index(line.point((edges[:-1] + edges[1:]) / 2))]
+        parts.append(union(np.stack([edges[:-1], edges[1:]], axis=1)[found], SPARSE))
+    return np.concatenate(parts) if parts else stretches
 
 
 def is_sure(line: PlanLine) -> bool:

@@ -32,14 +32,15 @@ PLATFORM_RADIUS = 0.15
 class FreeSpace:
     """Grid of what rays saw, in the map frame.
 
-    origin: (2,) m, outer corner of cell [0, 0]. free, blocked: (rows, columns), row along y, column along x. A cell
-    that is neither was not seen.
+    origin: (2,) m, outer corner of cell [0, 0]. free, blocked, hit: (rows, columns), row along y, column along x. A
+    cell that is neither free nor blocked was not seen. hit: at least one ray ended there, be it an outlier.
     """
 
     origin: Array
     resolution: float
     free: NDArray[np.bool_]
     blocked: NDArray[np.bool_]
+    hit: NDArray[np.bool_]
 
     def index(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows and columns of the cells that points (N, 2) fall in, held at the rim."""
@@ -108,7 +109,7 @@ def free_space(trajectory: Trajectory, starts: Array, ends: Array) -> FreeSpace:
     _, passes = count_rays(a, b, blocked)
     free = (passes >= MIN_PASSES) & ~blocked
     _stand(free, blocked, (trajectory.poses[:, :2] - low) / resolution, PLATFORM_RADIUS / resolution)
-    return FreeSpace(low, resolution, free, blocked)
+    return FreeSpace(low, resolution, free, blocked, hits > 0)
 
 
 def _stand(free: NDArray[np.bool_], blocked: NDArray[np.bool_], path: Array, radius: float) -> None:

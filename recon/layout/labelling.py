@@ -24,7 +24,7 @@ UNSUPPORTED = 1.0
 CONTINUED = 0.5
 """... where it goes on from a wall, up to `CONTINUATION` m beyond what was seen of it ..."""
 CONTINUATION = 1.5
-OBLIQUE = 1.6
+OBLIQUE = 1.3
 """... and in any other direction."""
 BOUNDARY = 0.1
 """Cost per m of any boundary: the simpler outline where nothing else decides."""

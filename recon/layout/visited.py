@@ -14,19 +14,23 @@ from recon.layout.line import PlanLine
 HALF_WIDTH = 0.5
 """m; what lies behind gaps narrower than twice this was not visited unless the path leads there."""
 NEAR_WALL = 0.15
-"""m, obstacles further from every wall are furniture: they close no passage."""
+"""m, obstacles further from every wall are furniture: they close no passage ..."""
+FURNITURE = 0.25
+"""... and are this much larger than what was seen of them, m."""
 POCKET = 1.5
 """m^2; smaller spaces behind such gaps are corners of the room itself."""
 
 
 def visited_space(space: FreeSpace, walls: list[PlanLine], path: Array) -> NDArray[np.bool_]:
     """(rows, columns) free cells that connect to the path (N, 2) m by ways wider than a door."""
-    passable = space.free.copy()
     things = space.centres(space.blocked)
-    passable[space.index(things[distance_to_walls(things, walls) > NEAR_WALL])] = True
-    radius = max(1, round(HALF_WIDTH / space.resolution))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    core = cv2.erode(passable.astype(np.uint8), disc)
+    away = distance_to_walls(things, walls) > NEAR_WALL
+    furniture, wall = np.zeros((2, *space.free.shape), np.uint8)
+    furniture[space.index(things[away])] = 1
+    wall[space.index(things[~away])] = 1
+    furniture = cv2.dilate(furniture, _disc(FURNITURE, space)) & ~wall
+    disc = _disc(HALF_WIDTH, space)
+    core = cv2.erode(space.free.astype(np.uint8) | furniture, disc)
     trail = np.zeros_like(core)
     trail[space.index(path)] = 1
     trail = cv2.dilate(trail, disc)
@@ -37,3 +41,8 @@ def visited_space(space: FreeSpace, walls: list[PlanLine], path: Array) -> NDArr
     _, label, statistics, _ = cv2.connectedComponentsWithStats(beyond, connectivity=4)
     large = statistics[:, cv2.CC_STAT_AREA] * space.cell_area > POCKET
     return np.asarray(space.free & ((beyond == 0) | ~large[label]))
+
+
+def _disc(radius: float, space: FreeSpace) -> NDArray[np.uint8]:
+    reach = max(1, round(radius / space.resolution))
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1)), dtype=np.uint8)

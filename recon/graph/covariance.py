@@ -30,6 +30,14 @@ class JointCovariance:
         information = (self.jacobian.T @ self.jacobian).tocsc()
         self._factor = splu(information, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
         self._size = size
+        self._unknown = np.zeros(size)
+
+    def add_unknown(self, rows: NDArray[np.int64], change: Array, sigma: float) -> None:
+        """Widen by a number that was estimated apart, with standard deviation `sigma`.
+
+        change: (n,) by how much one unit of it moves the residuals in the Jacobian's `rows` (n,).
+        """
+        self._unknown = -sigma * self._factor.solve(self.jacobian[rows].T @ change)
 
     def joint(self, index: NDArray[np.int64]) -> Array:
         """(n, n) covariance between the scalar variables `index` (n,)."""
@@ -64,4 +72,4 @@ class JointCovariance:
     def _columns(self, index: NDArray[np.int64]) -> Array:
         unit = np.zeros((self._size, len(index)))
         unit[index, np.arange(len(index))] = 1.0
-        return np.asarray(self._factor.solve(unit))
+        return np.asarray(self._factor.solve(unit) + np.outer(self._unknown, self._unknown[index]))

@@ -33,13 +33,14 @@ MIN_WINDOWS = 4
 
 @dataclass(frozen=True)
 class OdometryModel:
-    """Motions between scans from odometry, distances multiplied by `scale`.
+    """Motions between scans from odometry, distances multiplied by `scale` (with its standard deviation).
 
     relative: (N-1, 3) and covariance: (N-1, 3, 3) as in Motion. inside: (N-1,) bool, whether
     the odometry's time span holds the step.
     """
 
     scale: float
+    scale_sigma: float
     motion: Motion
     inside: Array
 
@@ -56,18 +57,19 @@ def fit_odometry(odometry: Trajectory, solved: Trajectory, motion: Motion) -> Od
     start, end = solved.timestamps[:-1], solved.timestamps[1:]
     inside = (start >= odometry.timestamps[0] - 0.2) & (end <= odometry.timestamps[-1] + 0.2)
     windows = _windows(effort, inside)
-    scale, position, heading, jitter = 1.0, DEFAULT_POSITION, DEFAULT_HEADING, DEFAULT_JITTER
+    scale, sigma = 1.0, SCALE_SIGMA
+    position, heading, jitter = DEFAULT_POSITION, DEFAULT_HEADING, DEFAULT_JITTER
     if len(windows) >= MIN_WINDOWS:
         first, last = windows[:, 0], windows[:, 1]
         said = between2(at_scans[first], at_scans[last])
         true = between2(solved.poses[first], solved.poses[last])
         way = np.concatenate([[0.0], np.cumsum(effort)])
         spread = _chain(motion, solved.poses, first, last)
-        scale, position, heading = _alternate(said, true, way[last] - way[first], spread)
+        scale, sigma, position, heading = _alternate(said, true, way[last] - way[first], spread)
         known = motion.covariance[inside, :2, :2] + (position * effort[inside])[:, None, None] * np.eye(2)
         rest = between2(solved.poses[:-1], solved.poses[1:])[inside, :2] - scale * steps[inside, :2]
         jitter = _most_probable(rest, known, np.ones(len(rest)), DEFAULT_JITTER)
-    return OdometryModel(scale, _motion(steps, effort, scale, (position, heading, jitter)), inside)
+    return OdometryModel(scale, sigma, _motion(steps, effort, scale, (position, heading, jitter)), inside)
 
 
 def _windows(effort: Array, inside: Array) -> Array:
@@ -93,8 +95,8 @@ def _chain(motion: Motion, poses: Array, first: Array, last: Array) -> Array:
     return turned(total[last] - total[first], -yaw[first])
 
 
-def _alternate(said: Array, true: Array, way: Array, spread: Array) -> tuple[float, float, float]:
-    """Scale, and variance of position (m^2/m) and heading (rad^2/m), from windows said and true."""
+def _alternate(said: Array, true: Array, way: Array, spread: Array) -> tuple[float, float, float, float]:
+    """Scale and its sigma, and variance of position (m^2/m) and heading (rad^2/m), from windows said and true."""
     heading = max(LEAST_HEADING, float(np.median(wrap_angle(true[:, 2] - said[:, 2]) ** 2 / way)) / MEDIAN)
     scale, position = 1.0, DEFAULT_POSITION
     for _ in range(10):
@@ -105,7 +107,7 @@ def _alternate(said: Array, true: Array, way: Array, spread: Array) -> tuple[flo
         bottom = np.einsum("wi,wij,wj->", said[:, :2], information, said[:, :2]) + 1 / SCALE_SIGMA**2
         scale = float(top / bottom)
         position = _most_probable(true[:, :2] - scale * said[:, :2], spread, way, DEFAULT_POSITION)
-    return scale, position, heading
+    return scale, float(bottom**-0.5), position, heading
 
 
 def _most_probable(rest: Array, known: Array, way: Array, default: float) -> float:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.geometry import Array, between2, wrap_angle
 from recon.graph.covariance import JointCovariance
 from recon.graph.line import Lines, squared_distance
+from recon.graph.motion import sqrt_information
+from recon.graph.odometry import OdometryModel
 from recon.graph.problem import Graph, Problem, build
 
 MAX_ITERATIONS = 30
@@ -18,7 +21,7 @@ EXPECTED = 2 * (1 - np.exp(-4.5))
 
 @dataclass(frozen=True)
 class Solution:
-    """poses: (N, 3). walls: (W, 3). angles: (A,) of the axes, rad. covariance: of all of them, in this order."""
+    """poses: (N, 3). walls: (W, 3). covariance: of poses, walls and axes, in this order."""
 
     poses: Array
     walls: Array
@@ -38,7 +41,27 @@ def optimise(problem: Problem, final: bool) -> Solution:
     values = gtsam.LevenbergMarquardtOptimizer(graph.factors, graph.initial, parameters).optimize()
     found = gtsam.utilities.extractPose2(values)  # in order of the keys
     poses, walls, _ = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
-    return Solution(poses, walls, JointCovariance(graph.factors.linearize(values), graph.variables), graph)
+    covariance = JointCovariance(graph.factors.linearize(values), graph.variables)
+    if problem.odometry is not None:
+        covariance.add_unknown(
+            _rows(graph, "odometry"), _change_with_scale(problem.odometry), problem.odometry.scale_sigma
+        )
+    return Solution(poses, walls, covariance, graph)
+
+
+def _rows(graph: Graph, kind: str) -> NDArray[np.int64]:
+    """Rows of the Jacobian that belong to factors of one kind."""
+    return np.asarray((3 * graph.rows[kind][:, None] + np.arange(3)).reshape(-1))
+
+
+def _change_with_scale(odometry: OdometryModel) -> Array:
+    """(3n,) by how much the residuals of odometry's factors change with its scale."""
+    relative, covariance = odometry.motion.relative[odometry.inside], odometry.motion.covariance[odometry.inside]
+    c, s = np.cos(relative[:, 2]), np.sin(relative[:, 2])
+    x, y = relative[:, 0] / odometry.scale, relative[:, 1] / odometry.scale
+    turned = np.stack([c * x + s * y, c * y - s * x, np.zeros(len(x))], axis=1)
+    root = sqrt_information(relative, np.asarray(np.linalg.inv(covariance)))
+    return -np.asarray(np.einsum("nij,nj->ni", root, turned)).reshape(-1)
 
 
 def wall_residuals(problem: Problem, solution: Solution) -> Array:
@@ -57,8 +80,7 @@ def variance_factor(problem: Problem, solution: Solution, kind: str) -> float:
     """
     chosen = problem.observations.image >= 0 if kind == "image" else problem.observations.image < 0
     squared = wall_residuals(problem, solution)[chosen]
-    rows = (3 * solution.graph.rows[kind][:, None] + np.arange(3)).reshape(-1)
-    redundancy = 2 * len(squared) - solution.covariance.leverage(rows)
+    redundancy = 2 * len(squared) - solution.covariance.leverage(_rows(solution.graph, kind))
     if redundancy < 20:
         return 1.0
     factor = 1.0

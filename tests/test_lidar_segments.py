@@ -168,6 +168,9 @@ def test_range_noise_is_found_from_the_scans(sigma: float) -> None:
     assert estimate_range_sigma(scans) == pytest.approx(sigma, rel=0.12)
     assert with_noise(scans, LidarConfig()).range_sigma == estimate_range_sigma(scans)
     assert with_noise(scans, LidarConfig(range_sigma=0.02)).range_sigma == 0.02
+    by_default = extract_segments(scans, 0, LidarConfig())
+    resolved = extract_segments(scans, 0, with_noise(scans, LidarConfig()))
+    np.testing.assert_array_equal(by_default.covariance, resolved.covariance)
 
 
 def test_range_noise_without_surfaces_is_a_cautious_default() -> None:

@@ -10,10 +10,13 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.lidar.cloud import Cloud
 from recon.lidar.localmap import LocalMap
+
+Ints = NDArray[np.int64]
 
 FINE = 0.05
 """m, cell of the fine level."""
@@ -34,11 +37,12 @@ def search(cloud: Cloud, local: LocalMap, prior: Array, prior_information: Array
     The distance from the prior (information (3, 3), map frame) decides between places that look alike.
     """
     thin = max(1, -(-len(cloud) // MAX_POINTS))
-    grid = _likelihood(local.points, local.corner)
-    return _search(
-        cloud.xy[::thin].copy(), grid, _coarse(grid), local.corner, prior, prior_information,
-        float(window[0]), float(window[1]),
-    )  # fmt: skip
+    xy, grid = cloud.xy[::thin].copy(), _likelihood(local.points, local.corner)
+    shifts, turns = int(window[0] / (FINE * STRIDE)) + 1, int(window[1] / TURN)
+    cells = np.zeros((2 * turns + 1, len(xy), 2), np.int64)
+    bounds = _bounds(xy, _coarse(grid), local.corner, prior, prior_information, shifts, turns, cells)
+    order = np.argsort(-bounds, kind="stable")
+    return _best(grid, cells, bounds, order, prior, prior_information, shifts, turns)
 
 
 @njit(cache=True)
@@ -76,13 +80,12 @@ def _coarse(grid: Array) -> Array:
 
 
 @njit(cache=True)
-def _search(
-    xy: Array, grid: Array, coarse: Array, corner: Array, prior: Array, information: Array, reach: float, turn: float
+def _bounds(
+    xy: Array, coarse: Array, corner: Array, prior: Array, information: Array, shifts: int, turns: int, cells: Ints
 ) -> Array:
-    shifts, turns = int(reach / (FINE * STRIDE)) + 1, int(turn / TURN)
+    """Score that no pose of each block (heading, STRIDE x STRIDE shifts) exceeds; writes the points' cells."""
     across = 2 * shifts + 1
     bounds = np.zeros((2 * turns + 1) * across * across)
-    cells = np.zeros((2 * turns + 1, len(xy), 2), np.int64)
     for t in range(2 * turns + 1):
         _place(xy, prior, (t - turns) * TURN, corner, cells[t])
         for i in range(across):
@@ -93,16 +96,24 @@ def _search(
                 centre = 0.5 * (STRIDE - 1)
                 cost = _prior_cost(du + centre, dv + centre, (t - turns) * TURN, information)
                 bounds[(t * across + i) * across + j] = score - cost
-    best, pose = -np.inf, prior.copy()
-    for index in np.argsort(-bounds):
+    return bounds
+
+
+@njit(cache=True)
+def _best(
+    grid: Array, cells: Ints, bounds: Array, order: Ints, prior: Array, information: Array, shifts: int, turns: int
+) -> Array:
+    """The best pose (3,): blocks in the order of their bounds, until no block left can be better."""
+    best, pose, across = -math.inf, prior.copy(), 2 * shifts + 1
+    for index in order:
         if bounds[index] <= best:
             break
         t, rest = index // (across * across), index % (across * across)
         first_u, first_v = (rest // across - shifts) * STRIDE, (rest % across - shifts) * STRIDE
+        yaw = (t - turns) * TURN
         for du in range(first_u, first_u + STRIDE):
             for dv in range(first_v, first_v + STRIDE):
-                yaw = (t - turns) * TURN
-                score = _score(grid, cells[t], du, dv) - _prior_cost(du, dv, yaw, information)
+                score = _score(grid, cells[t], du, dv) - _prior_cost(float(du), float(dv), yaw, information)
                 if score > best:
                     best = score
                     pose[0], pose[1], pose[2] = prior[0] + du * FINE, prior[1] + dv * FINE, prior[2] + yaw
@@ -110,7 +121,7 @@ def _search(
 
 
 @njit(cache=True)
-def _place(xy: Array, prior: Array, yaw: float, corner: Array, cells: Array) -> None:
+def _place(xy: Array, prior: Array, yaw: float, corner: Array, cells: Ints) -> None:
     """Writes the fine cells (n, 2) of the points at the prior's place, turned by `yaw` more."""
     c, s = math.cos(prior[2] + yaw), math.sin(prior[2] + yaw)
     for i in range(len(xy)):
@@ -119,7 +130,7 @@ def _place(xy: Array, prior: Array, yaw: float, corner: Array, cells: Array) -> 
 
 
 @njit(cache=True)
-def _score(grid: Array, cells: Array, du: int, dv: int) -> float:
+def _score(grid: Array, cells: Ints, du: int, dv: int) -> float:
     """Mean of the grid over the cells (n, 2) shifted by du, dv."""
     total = 0.0
     for i in range(len(cells)):

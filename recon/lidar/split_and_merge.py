@@ -38,8 +38,12 @@ def extract_segments(scans: Scans, index: int, config: LidarConfig, velocity: Ar
 
     velocity: (3,) m/s, m/s, rad/s of the platform in its own frame, to take out motion distortion where the scanner
     has a `time_increment` (`ScanMatching.velocities`). Where a segment crosses the seam of a full-circle scanner, its
-    first beam is larger than its last.
+    first beam is larger than its last. With `range_sigma` 0 the noise is estimated from the scans at every call: for
+    many scans, resolve it once by `with_noise`.
     """
+    from recon.lidar.noise import with_noise  # which itself finds segments
+
+    config = with_noise(scans, config)
     points = scan_points(scans, index, velocity)
     lines, counts, runs, _, _ = find_segments(points, config)
     covariance = np.stack([lines[:, 4], lines[:, 5], lines[:, 5], lines[:, 6]], axis=1).reshape(-1, 2, 2)

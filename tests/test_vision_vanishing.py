@@ -67,7 +67,7 @@ def naive_j_linkage(preferences: NDArray[np.bool_]) -> list[list[int]]:
         sets[i] &= sets.pop(j)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**31), st.integers(1, 30), st.integers(1, 150), st.floats(0.02, 0.5))
 def test_j_linkage_equals_the_plain_algorithm(seed: int, n: int, m: int, density: float) -> None:
     rng = np.random.default_rng(seed)
@@ -100,28 +100,28 @@ def test_three_vanishing_points_among_clutter(tilt: float, roll: float, yaw: flo
 def test_the_error_of_the_vertical_shrinks_with_noise_and_is_as_told() -> None:
     """Over many draws the joint error over its standard deviation is that of two independent normal variables."""
     ratio, error = [], []
-    for seed in range(60):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         rotation = camera_from_world(rng.uniform(0, 0.7), rng.uniform(-0.15, 0.15), rng.uniform(-3, 3))
         frames = []
-        for _ in range(12):
+        for _ in range(8):
             lines, _ = segments_towards(-rotation.T[[2]], 10, CAMERA, 0.3, rng)
             frames.append(frame_with(lines, 0.3))
         found, sigma, count = vertical_direction(frames, CAMERA)
-        assert count >= 110
+        assert count >= 72
         ratio.append(np.deg2rad(angle_deg(found, -rotation[:, 2])) / sigma)
         error.append(angle_deg(found, -rotation[:, 2]))
     assert 0.01 < np.median(error) < 0.15
     assert 0.4 < np.sqrt(np.mean(np.square(ratio))) < 1.6  # sigma is that of the worst axis
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(MOUNT[0], MOUNT[1], st.integers(0, 2**31))
 def test_the_joint_vertical_withstands_clutter_and_swaying(tilt: float, roll: float, seed: int) -> None:
     """Most lines are clutter, a third of the frames have nothing else, and the platform nods by 0.3 degrees."""
     rng = np.random.default_rng(seed)
     frames = []
-    for k in range(30):
+    for k in range(24):
         rotation = camera_from_world(tilt + np.deg2rad(rng.normal(0, 0.3)), roll, rng.uniform(-3, 3))
         lines = clutter(40, rng)
         if k % 3:
@@ -132,6 +132,35 @@ def test_the_joint_vertical_withstands_clutter_and_swaying(tilt: float, roll: fl
     found, sigma, _ = vertical_direction(frames, CAMERA)
     assert angle_deg(found, down) < 0.6
     assert 0.02 < np.rad2deg(sigma) < 0.5
+
+
+def test_a_building_without_right_angles_does_not_bend_the_vertical() -> None:
+    """Two families of walls, 70 degrees apart, and few vertical lines."""
+    rng = np.random.default_rng(5)
+    frames = []
+    walls = np.array([[0, 0, 1], [1, 0, 0], [np.cos(np.deg2rad(70)), np.sin(np.deg2rad(70)), 0]])
+    for _ in range(15):
+        rotation = camera_from_world(0.25, 0.05, rng.uniform(-3, 3))
+        true = [
+            segments_towards(walls[[k]] @ rotation.T, n, CAMERA, 0.3, rng)[0] for k, n in ((0, 4), (1, 20), (2, 20))
+        ]
+        frames.append(frame_with(np.concatenate(true), 0.3))
+    found, sigma, _ = vertical_direction(frames, CAMERA)
+    error = np.deg2rad(angle_deg(found, -camera_from_world(0.25, 0.05, 0)[:, 2]))
+    assert error < 3 * sigma
+    assert 0.01 < np.rad2deg(sigma) < 0.2
+
+
+def test_lines_of_a_swaying_frame_are_labelled() -> None:
+    """The frame leans one degree off the drive's vertical: its own lines are known, the direction stays the drive's."""
+    rng = np.random.default_rng(1)
+    down = -camera_from_world(0.3, 0.0, 0.4)[:, 2]
+    rotation = camera_from_world(0.3, np.deg2rad(1.0), 0.4)
+    lines, owner = segments_towards(rotation.T[[2, 0, 1]], 20, CAMERA, 0.2, rng)
+    again = relabel(frame_with(lines, 0.2), CAMERA, down)
+    assert again.directions[0] == pytest.approx(down)
+    assert np.mean(again.labels[owner == 0] == VERTICAL) > 0.9
+    assert np.mean(again.labels[owner != 0] > VERTICAL) > 0.8
 
 
 def test_without_lines_there_is_no_vertical() -> None:

@@ -11,25 +11,17 @@ from recon.errors import ConfigError
 from recon.geometry import Array
 from recon.sequence.camera import Camera
 from recon.vision.edges import EdgeChains, find_edges
-from recon.vision.frame import VERTICAL, FrameLines
+from recon.vision.frame import OUTLIER, VERTICAL, FrameLines
 from recon.vision.lines import Segments, fit_segments
 from recon.vision.lsd import lsd_chains
 from recon.vision.planes import planes_of
 from recon.vision.rectify import rectifier
-from recon.vision.vanishing import (
-    NONE,
-    assign,
-    find_directions,
-    frame_of,
-    horizontal_votes,
-    keep_found,
-    refine_frame,
-    support,
-)
+from recon.vision.vanishing import assign, find_directions, frame_near, keep_found
 
 MIN_IMAGE_SIZE = 16  # px
 CANNY_SIGMA_FLOOR = 0.05  # px
 LSD_SIGMA = 0.3  # px: LSD tells no residuals
+MAX_SWAY = np.deg2rad(2.0)
 
 
 def detect_lines(grey: NDArray[np.uint8], camera: Camera, config: VisionConfig, seed: int) -> FrameLines:
@@ -47,17 +39,18 @@ def detect_lines(grey: NDArray[np.uint8], camera: Camera, config: VisionConfig, 
 
 
 def relabel(frame: FrameLines, camera: Camera, vertical: Array) -> FrameLines:
-    """`frame` with the vertical (3,) of the whole drive: labels, horizontals orthogonal to it, boundary candidates."""
+    """`frame` with the vertical (3,) of the whole drive: labels, horizontals orthogonal to it, boundary candidates.
+
+    A frame may sway a little about that vertical: lines that only agree with its own are labelled all the same.
+    """
     planes = planes_of(frame.endpoints, frame.sigmas, camera)
     vertical = np.asarray(vertical, dtype=np.float64) / np.linalg.norm(vertical)
-    directions = NONE.copy()
-    directions[0] = vertical
-    votes = horizontal_votes(planes, vertical)
-    if len(votes):
-        frames = np.array([frame_of(vertical, h) for h in votes])
-        best = refine_frame(planes, frames[int(np.argmax(support(planes, frames)))], fixed_vertical=True)
-        directions = keep_found(planes, frame_of(vertical, best[1]), vertical_known=True)
-    return _frame(frame.endpoints, frame.sigmas, assign(planes, directions), directions, camera)
+    directions = keep_found(planes, frame_near(planes, vertical, fixed_vertical=True), vertical_known=True)
+    labels = assign(planes, directions)
+    swayed = frame_near(planes, vertical, fixed_vertical=False)
+    if swayed[0] @ vertical > np.cos(MAX_SWAY):
+        labels = np.where(labels == OUTLIER, assign(planes, keep_found(planes, swayed)), labels)
+    return _frame(frame.endpoints, frame.sigmas, labels, directions, camera)
 
 
 def horizon(camera: Camera, vertical: Array) -> Array:

@@ -99,5 +99,5 @@ def _agglomerate(rows: NDArray[np.uint64]) -> NDArray[np.int64]:
                 at[k], least[k] = _nearest(rows, alive, k)
             elif k < i:  # the new cluster may be nearer than the old one was
                 d = _jaccard(rows, k, i)
-                if d < least[k]:
+                if d < least[k] or (d == least[k] and i < at[k]):
                     at[k], least[k] = i, d

@@ -22,7 +22,7 @@ MAX_ROLL = np.deg2rad(20.0)
 DISTINCT = 1.5  # times the agreement of clutter, for a vertical that is seen
 DISTINCT_INFERRED = 3.0  # for each of two horizontals that tell where the vertical is
 MAX_SKEW = np.sin(np.deg2rad(6.0))  # between two clusters that may be taken for orthogonal
-VOTE_BINS = 90
+VOTE_BIN = np.deg2rad(1.0)
 NONE = np.full((3, 3), np.nan)
 
 
@@ -80,30 +80,40 @@ def support(planes: Planes, frames: Array) -> Array:
     return np.asarray(planes.weights @ np.maximum(0.0, 1.0 - (best / CONSISTENT) ** 2))
 
 
-def horizontal_votes(planes: Planes, vertical: Array, count: int = 3) -> Array:
-    """(<= count, 3) horizontal directions that most line length votes for, two orthogonal ones counting as one.
+def horizontal_votes(planes: Planes, vertical: Array, count: int = 3, period: float = np.pi / 2) -> Array:
+    """(<= count, 3) horizontal directions that most line length votes for; directions `period` (rad) apart count as
+    one: two orthogonal ones by default, with pi each one for itself.
 
     With the vertical known every line that is not vertical itself meets the horizon at one angle.
     """
     basis = frame_of(vertical, np.array([0.0, 0.0, 1.0]) if abs(vertical[2]) < 0.9 else np.array([0.0, 1.0, 0.0]))
-    use = np.abs(planes.residuals(vertical[None])[:, 0]) > CONSISTENT
-    planes = planes[use]
+    planes = planes[np.abs(planes.residuals(vertical[None])[:, 0]) > CONSISTENT]
     meets = np.cross(planes.normals, vertical)
-    size = np.linalg.norm(meets, axis=1)
-    meets /= np.maximum(size, 1e-12)[:, None]
-    angle = np.arctan2(meets @ basis[2], meets @ basis[1]) % (np.pi / 2)
-    turned = np.cross(vertical, meets)  # one radian further along the horizon
-    spread = np.hypot(
-        np.einsum("ij,ij->i", planes.across[:, 0], meets), np.einsum("ij,ij->i", planes.across[:, 1], meets)
-    )
+    meets /= np.maximum(np.linalg.norm(meets, axis=1), 1e-12)[:, None]
+    angle = np.arctan2(meets @ basis[2], meets @ basis[1]) % period
+    turned = np.cross(vertical, meets)  # how the meeting point moves along the horizon, per radian
+    spread = np.linalg.norm(np.einsum("ikj,ij->ik", planes.across, meets), axis=1)
     slope = np.abs(np.einsum("ij,ij->i", planes.normals, turned)) / (planes.sigmas * np.maximum(spread, 1e-12))
     weight = np.where(slope * np.deg2rad(3.0) > 1, planes.weights, 0.0)  # the angle is known to 3 degrees
-    votes = np.bincount((angle / (np.pi / 2) * VOTE_BINS).astype(int) % VOTE_BINS, weight, VOTE_BINS)
+    bins = round(period / VOTE_BIN)
+    votes = np.bincount((angle / period * bins).astype(int) % bins, weight, bins)
     votes = votes + 0.5 * (np.roll(votes, 1) + np.roll(votes, -1))
     peaks = np.flatnonzero((votes > np.roll(votes, 1)) & (votes >= np.roll(votes, -1)))
     peaks = peaks[np.argsort(-votes[peaks], kind="stable")][:count]
-    best = (peaks + 0.5) * (np.pi / 2) / VOTE_BINS
-    return np.cos(best)[:, None] * basis[1] + np.sin(best)[:, None] * basis[2]
+    best = (peaks + 0.5) * period / bins
+    return np.asarray(np.cos(best)[:, None] * basis[1] + np.sin(best)[:, None] * basis[2])
+
+
+def linearise(planes: Planes, frame: Array, scale: float) -> tuple[Array, Array, Array]:
+    """Jacobian (N, 3) to a small rotation, residuals (N,) and Tukey weights (N,) of all lines to their nearest axis."""
+    every = planes.residuals(frame)
+    nearest = np.argmin(np.abs(every), axis=1)
+    error = np.take_along_axis(every, nearest[:, None], axis=1)[:, 0]
+    jacobian = np.zeros((len(planes), 3))
+    for axis in range(3):
+        mine = nearest == axis
+        jacobian[mine] = np.cross(frame[axis], planes[mine].scaled_normals(frame[axis]))
+    return jacobian, error, tukey(error, scale)
 
 
 def refine_frame(planes: Planes, frame: Array, fixed_vertical: bool = False, iterations: int = 6) -> Array:
@@ -112,22 +122,24 @@ def refine_frame(planes: Planes, frame: Array, fixed_vertical: bool = False, ite
     Gauss-Newton on the rotation; with `fixed_vertical` only the turn about the first row is free.
     """
     for k in range(iterations):
-        scale = 2.0 if k < 2 else 1.0  # first wide, to come in from a coarse start
-        every = planes.residuals(frame)
-        nearest = np.argmin(np.abs(every), axis=1)
-        w = tukey(np.take_along_axis(every, nearest[:, None], axis=1)[:, 0], scale)
-        jacobian, error = np.zeros((len(planes), 3)), np.zeros(len(planes))
-        for axis in range(3):
-            mine = nearest == axis
-            rows = planes.scaled_normals(frame[axis])[mine]
-            error[mine], jacobian[mine] = rows @ frame[axis], np.cross(frame[axis], rows)
+        jacobian, error, weight = linearise(planes, frame, 2.0 if k < 2 else 1.0)  # from a coarse start: first wide
         if fixed_vertical:
             jacobian = (jacobian @ frame[0])[:, None] * frame[0]
-        normal = (jacobian * w[:, None]).T @ jacobian
-        turn = -np.linalg.lstsq(normal, jacobian.T @ (w * error), rcond=1e-10)[0]
-        frame = frame + np.cross(turn, frame)
-        frame = _orthonormal(frame)
+        normal = (jacobian * weight[:, None]).T @ jacobian
+        turn = -np.linalg.lstsq(normal, jacobian.T @ (weight * error), rcond=1e-10)[0]
+        frame = _orthonormal(frame + np.cross(turn, frame))
     return frame
+
+
+def frame_near(planes: Planes, vertical: Array, fixed_vertical: bool) -> Array:
+    """(3, 3) the refined frame whose vertical is (or, not fixed, starts from) `vertical` (3,), with the horizontals
+    that most line length votes for."""
+    votes = horizontal_votes(planes, vertical)
+    if len(votes) == 0:
+        return frame_of(vertical, np.cross(vertical, np.array([1.0, 0.0, 0.0])))
+    frames = np.array([frame_of(vertical, h) for h in votes])
+    best = refine_frame(planes, frames[int(np.argmax(support(planes, frames)))], fixed_vertical)
+    return frame_of(best[0], best[1])
 
 
 def _orthonormal(frame: Array) -> Array:

@@ -11,16 +11,26 @@ from recon.geometry import Array
 from recon.sequence.camera import Camera
 from recon.vision.frame import VERTICAL, FrameLines
 from recon.vision.jlinkage import draw_pairs
-from recon.vision.planes import Planes, join, planes_of, refine_direction, tukey
-from recon.vision.vanishing import CONSISTENT, downward, is_plausible_vertical
+from recon.vision.planes import Planes, planes_of
+from recon.vision.pooling import ask_frames, count_agreeing, pool, tangent_basis
+from recon.vision.vanishing import (
+    CONSISTENT,
+    downward,
+    frame_of,
+    horizontal_votes,
+    is_plausible_vertical,
+    support,
+)
 
-CONSENSUS_FRAMES = 150  # spread over the drive; all frames take part in the fit
+CONSENSUS_FRAMES = 150  # spread over the drive
+MAX_FRAMES = 250  # of the joint fit
+ROUNDS = 2
 PAIRS_PER_FRAME = 6
 MAX_HYPOTHESES = 400
+FINALISTS, FINAL_FRAMES, APART = 12, 40, np.deg2rad(1.0)
 MIN_INLIERS = 3
+SYSTEMATIC = 0.1  # px, of lens model and edges: no number of lines averages it out
 SEED = 0
-WINDOW = np.deg2rad(6.0)
-SWAYS = np.deg2rad([0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.75, 1.0])
 NOT_FOUND = (np.full(3, np.nan), float("inf"), 0)
 
 
@@ -29,28 +39,32 @@ def vertical_direction(frames: Sequence[FrameLines], camera: Camera) -> tuple[Ar
     of lines that agree.
 
     A consensus over the frames (every frame has about one vote, however many lines it has) chooses among the frames'
-    own verticals and intersections of random pairs of lines; one joint robust fit over all lines of all frames refines
-    it. The standard deviation allows for errors that the lines of one frame have in common. Without any plausible
-    vertical: (nan, inf, 0).
+    own verticals and intersections of random pairs of lines. A joint robust fit refines it: every frame's lines, the
+    vertical and the horizontal ones, inform on the one direction with a full covariance, and frames may sway about it.
+    The standard deviation is that along the worst axis. Without any plausible vertical: (nan, inf, 0).
     """
     used = [i for i, f in enumerate(frames) if len(f)]
     if not used:
         return NOT_FOUND
     every = [planes_of(frames[i].endpoints, frames[i].sigmas, camera) for i in used]
-    chosen = np.unique(np.linspace(0, len(used) - 1, min(len(used), CONSENSUS_FRAMES)).round().astype(int))
+    chosen = _spread(len(used), CONSENSUS_FRAMES)
     hypotheses = _hypotheses([every[k] for k in chosen], np.array([frames[used[k]].directions[0] for k in chosen]))
     if len(hypotheses) == 0:
         return NOT_FOUND
-    votes = sum(np.sqrt(_agreement(every[k], hypotheses)) for k in chosen)
-    direction = hypotheses[int(np.argmax(votes))]
-    direction = refine_direction(join(every), direction, 2.0)
-    owner = np.repeat(np.arange(len(every)), [len(p) for p in every])
-    fit = _JointFit(join(every), owner)
-    direction, sigma, inliers = fit.solve(direction)
-    direction = downward(direction)
+    direction = _consensus([every[k] for k in chosen], hypotheses)
+    asked = [every[k] for k in _spread(len(every), MAX_FRAMES)]
+    for _ in range(ROUNDS):
+        opinions = ask_frames(asked, direction)
+        if len(opinions.offsets) == 0:
+            return NOT_FOUND
+        offset, covariance = pool(opinions)
+        direction = direction + offset @ tangent_basis(direction)
+        direction /= np.linalg.norm(direction)
+    inliers = count_agreeing(every, direction)
     if inliers < MIN_INLIERS or not is_plausible_vertical(direction):
         return NOT_FOUND
-    return direction, sigma, inliers
+    systematic = SYSTEMATIC / camera.matrix[0, 0]
+    return direction, float(np.hypot(np.sqrt(np.linalg.eigvalsh(covariance)[-1]), systematic)), inliers
 
 
 def average_vertical(frames: Sequence[FrameLines]) -> Array:
@@ -72,6 +86,11 @@ def average_vertical(frames: Sequence[FrameLines]) -> Array:
     return np.asarray(mean / np.linalg.norm(mean))
 
 
+def _spread(count: int, most: int) -> NDArray[np.int64]:
+    """At most `most` of `count` indices, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
+
+
 def _hypotheses(every: list[Planes], verticals: Array) -> Array:
     """Plausible directions (M, 3): the frames' own and those of random pairs of lines of one frame."""
     rng = np.random.default_rng(SEED)
@@ -85,79 +104,31 @@ def _hypotheses(every: list[Planes], verticals: Array) -> Array:
         cross = downward(cross[length > 0] / length[length > 0, None])
         parts.append(cross[is_plausible_vertical(cross)][:PAIRS_PER_FRAME])
     found = np.concatenate(parts)
-    return found[np.unique(np.linspace(0, len(found) - 1, min(len(found), MAX_HYPOTHESES)).round().astype(int))]
+    return found[_spread(len(found), MAX_HYPOTHESES)]
+
+
+def _consensus(every: list[Planes], hypotheses: Array) -> Array:
+    """The direction (3,) of hypotheses (M, 3) that most frames support.
+
+    First by the lines that point to it; the best of these, apart from each other, also by the horizontals that they
+    would make of the other lines: a curtain or a plant has its own vanishing point, but no horizon.
+    """
+    votes = np.sum([np.sqrt(_agreement(planes, hypotheses)) for planes in every], axis=0)
+    finalists: list[Array] = []
+    for k in np.argsort(-votes, kind="stable"):
+        if len(finalists) < FINALISTS and all(hypotheses[k] @ f < np.cos(APART) for f in finalists):
+            finalists.append(hypotheses[k])
+    scores = np.zeros(len(finalists))
+    for planes in [every[k] for k in _spread(len(every), FINAL_FRAMES)]:
+        for i, vertical in enumerate(finalists):
+            own = _agreement(planes, vertical[None])[0]
+            levels = [frame_of(vertical, h) for h in horizontal_votes(planes, vertical)]
+            both = support(planes, np.array(levels)).max() if levels else own
+            scores[i] += np.sqrt(own + both)
+    return finalists[int(np.argmax(scores))]
 
 
 def _agreement(planes: Planes, directions: Array) -> Array:
     """(M,) px of line that points to each of directions (M, 3)."""
     misfit = np.maximum(0.0, 1.0 - (planes.residuals(directions) / CONSISTENT) ** 2)
     return np.asarray(planes.weights @ misfit)
-
-
-class _JointFit:
-    """Lines of many frames against one direction, when the frames themselves sway a little.
-
-    A platform nods, a rolling shutter leans, and what a frame's lines have in common does not average out within it.
-    Each line's angle to the direction has its own variance m^2 and its frame's j^2, shared by the n lines of the frame
-    that agree: they carry the information n / (m^2 + n j^2). How large j is comes from the lines (maximum likelihood).
-    """
-
-    def __init__(self, planes: Planes, owner: NDArray[np.int64]) -> None:
-        size = np.linalg.norm(planes.normals, axis=1)
-        self.planes, self.owner, self.size = planes, owner, size
-        self.units = planes.normals / size[:, None]
-
-    def measured(self, direction: Array) -> Array:
-        """(N,) standard deviations m, rad."""
-        spread = np.linalg.norm(self.planes.across @ direction, axis=1)
-        return np.asarray(self.planes.sigmas * spread / self.size)
-
-    def sway(self, direction: Array) -> float:
-        """The most likely j, rad: angles in a window are a Gaussian of the verticals and an even floor of clutter."""
-        angle, variance = self.units @ direction, self.measured(direction) ** 2
-        inside = np.abs(angle) < WINDOW
-        square, variance = angle[inside] ** 2, variance[inside]
-        best, sway = -np.inf, SWAYS[0]
-        for j in SWAYS:
-            total = variance + j * j
-            peak = np.exp(-0.5 * square / total) / np.sqrt(2 * np.pi * total)
-            share = 0.5
-            for _ in range(10):
-                share = float(np.mean(share * peak / (share * peak + (1 - share) / (2 * WINDOW))))
-            likelihood = float(np.log(share * peak + (1 - share) / (2 * WINDOW)).sum())
-            if likelihood > best:
-                best, sway = likelihood, j
-        return sway
-
-    def solve(self, direction: Array) -> tuple[Array, float, int]:
-        """Direction (3,), standard deviation along its worst axis (rad), number of lines that agree."""
-        for _ in range(4):
-            j = self.sway(direction)
-            for _ in range(4):
-                weight, _ = self._weights(direction, j)
-                new = np.linalg.eigh((self.units * weight[:, None]).T @ self.units)[1][:, 0]
-                direction = new if new @ direction > 0 else -new
-        weight, agree = self._weights(direction, j)
-        return direction, self._deviation(direction, weight), int(np.count_nonzero(agree))
-
-    def _weights(self, direction: Array, sway: float) -> tuple[Array, NDArray[np.bool_]]:
-        """(N,) weights, 1 / rad^2, and which lines agree."""
-        m2, j2 = self.measured(direction) ** 2, sway * sway
-        residual = (self.units @ direction) / np.sqrt(m2 + j2)
-        robust = tukey(residual)
-        together = np.bincount(self.owner, robust)[self.owner]
-        return robust / (m2 + np.maximum(1.0, together) * j2), np.abs(residual) < CONSISTENT
-
-    def _deviation(self, direction: Array, weight: Array) -> float:
-        """The larger of the formal standard deviation and that from the scatter between frames (sandwich estimate with
-        one cluster a frame), rad."""
-        basis = np.linalg.svd(direction[None])[2][1:]
-        jacobian, error = self.units @ basis.T, self.units @ direction
-        information = (jacobian * weight[:, None]).T @ jacobian
-        if not np.linalg.cond(information) < 1e12:
-            return float("inf")
-        formal = np.linalg.inv(information)
-        gradient = np.zeros((int(self.owner.max()) + 1, 2))
-        np.add.at(gradient, self.owner, jacobian * (weight * error)[:, None])
-        scatter = formal @ (gradient.T @ gradient) @ formal
-        return float(np.sqrt(max(np.linalg.eigvalsh(formal)[-1], np.linalg.eigvalsh(scatter)[-1])))

@@ -80,8 +80,7 @@ def match_scans(scans: Scans, odometry: Trajectory | None, config: LidarConfig) 
     """Poses of all scans, each aligned with the map of the keyframes before it.
 
     Odometry, where it covers the scans, is the prediction and is fused with a weight that is learnt along the way;
-    its lag is found first.
-    Scans with a `time_increment` are matched again without their motion distortion.
+    its lag is found first. Scans with a `time_increment` are matched again without their motion distortion.
     """
     config = with_noise(scans, config)
     if odometry is not None and len(scans) > 2 and np.median(np.diff(scans.timestamps)) < LAG_STEP:
@@ -100,7 +99,8 @@ def _on_scan_clock(scans: Scans, odometry: Trajectory, config: LidarConfig) -> T
     first = replace(scans, timestamps=scans.timestamps[:LAG_SCANS], ranges=scans.ranges[:LAG_SCANS], intensities=None)
     # not yet free of distortion, these scans tell where the platform was halfway through each
     half = 0.5 * scans.time_increment * scans.ranges.shape[1]
-    lag = odometry_lag(_Matcher(first, None, config, None).run().trajectory, odometry) - half
+    matched = _Matcher(first, None, config, None).run().trajectory
+    lag = odometry_lag(Trajectory(matched.timestamps + half, matched.poses), odometry)
     return Trajectory(odometry.timestamps - lag, odometry.poses)
 
 

@@ -16,7 +16,8 @@ class Segments:
 
     endpoints: (M, 2, 2) m; walking from the first to the second end the scanner is on the left.
     covariance: (M, 2, 2) of (offset m, angle rad) of the line at the middle of the segment.
-    counts: (M,) points behind each. beams: (M, 2) first and last beam (inclusive).
+    counts: (M,) points behind each. beams: (M, 2) first and last beam (inclusive; the first is the larger one where a
+    segment crosses the seam of a full-circle scanner).
     """
 
     endpoints: Array

@@ -1,4 +1,4 @@
-"""Scan matching: the platform's trajectory from its scans, with odometry or without (paper 2.1 and issue of drift)."""
+"""Scan matching: the platform's trajectory from its scans, with odometry or without."""
 
 from __future__ import annotations
 

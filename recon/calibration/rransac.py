@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.calibration.refine import SIMILARITY, refine
+from recon.calibration.search import MIN_FOOT, MIN_FRACTION
 from recon.calibration.similarity import Similarity, similarity_from_pairs
-from recon.calibration.support import CalibrationFrames, support
+from recon.calibration.support import CalibrationFrames, score, support
 from recon.calibration.topdown import ground_from_camera, ground_map
 from recon.geometry import Array, Pose3
 from recon.sequence.camera import Camera
@@ -17,8 +18,6 @@ from recon.sequence.camera import Camera
 HEIGHT_RANGE = (0.1, 3.5)  # m, of a camera on a platform or in a hand
 MAX_OFFSET = 1.5  # m, from the scanner
 MAX_TURN = 0.07  # rad, between associated directions
-MIN_FRACTION = 0.4  # of the feet in an image that lines must explain: the paper's inlier threshold
-MIN_FOOT = 80.0  # pixels of foot in an image before it counts
 SHORT_LIST = 60  # of a seeding image's own best hypotheses
 ALWAYS_SEEDED = 4  # images that seed though a hypothesis explains them: a shifted one explains much, too
 PROBES = 10  # images on which a new hypothesis is ranked
@@ -102,15 +101,6 @@ def seed(
         keep &= (hypotheses[:, 0] > HEIGHT_RANGE[0]) & (hypotheses[:, 0] < HEIGHT_RANGE[1])
         keep &= np.hypot(hypotheses[:, 2], hypotheses[:, 3]) < MAX_OFFSET
     return np.asarray(hypotheses[keep])
-
-
-def score(counts: Array) -> float:
-    """Evidence of a hypothesis: explained pixels against what chance would explain, in its standard deviations.
-
-    counts: (F, 2) explained and projected pixels an image.
-    """
-    explained, projected = counts.sum(axis=0)
-    return float((explained - 0.1 * projected) / np.sqrt(0.1 * projected + 100.0))
 
 
 class RecursiveRansac:

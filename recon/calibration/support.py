@@ -40,6 +40,24 @@ class CalibrationFrames:
     def __len__(self) -> int:
         return len(self.images)
 
+    def thinned(self, most: int) -> CalibrationFrames:
+        """At most that many images, evenly spread."""
+        if len(self) <= most:
+            return self
+        keep = np.unique(np.linspace(0, len(self) - 1, most).astype(np.int64))
+        lines = [np.arange(self.line_offsets[i], self.line_offsets[i + 1]) for i in keep]
+        segments = [np.arange(self.segment_offsets[i], self.segment_offsets[i + 1]) for i in keep]
+        line, segment = np.concatenate(lines), np.concatenate(segments)
+        return CalibrationFrames(
+            self.lines[line],
+            self.line_groups[line],
+            np.cumsum([0, *map(len, lines)]),
+            self.segments[segment],
+            self.segment_groups[segment],
+            np.cumsum([0, *map(len, segments)]),
+            self.images[keep],
+        )
+
 
 @dataclass(frozen=True)
 class Matches:
@@ -245,3 +263,12 @@ def match(
     pairs = np.concatenate([p[0] for p in parts])
     owner = np.concatenate([np.full(len(p[0]), p[2]) for p in parts])
     return Matches(pairs[:, 0], pairs[:, 1], owner, np.concatenate([p[1] for p in parts]))
+
+
+def score(counts: Array) -> float:
+    """Evidence of a hypothesis: explained pixels against what chance would explain, in its standard deviations.
+
+    counts: (F, 2) explained and projected pixels an image.
+    """
+    explained, projected = counts.sum(axis=0)
+    return float((explained - 0.1 * projected) / np.sqrt(0.1 * projected + 100.0))

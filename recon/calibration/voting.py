@@ -11,9 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.calibration.support import CalibrationFrames
+from recon.calibration.support import CalibrationFrames, score, support
 from recon.calibration.topdown import ground_from_camera, ground_map
-from recon.geometry import Array, Pose3
+from recon.geometry import Array, Pose3, rotation2, wrap_angle
 from recon.sequence.camera import Camera
 
 CELL = 0.02  # m, of height, x and y
@@ -22,11 +22,14 @@ SHIFT = 0.6  # m, in x and y, around the hypothesis
 MAX_SINE = 0.06  # of the angle between paired lines
 MAX_SIGMA = 0.06  # m at unit height a pixel may move a ground-map line
 SLACK = 0.3  # m by which a line may overshoot its segment
-PEAKS = 12
-MAX_YAW = np.radians(6.0)
-YAW_EDGES = np.linspace(-MAX_YAW, MAX_YAW, 121)
-YAW_STEPS = (YAW_EDGES[1:] + YAW_EDGES[:-1]) / 2
-MAX_IMAGES = 60
+PEAKS = 200
+KEPT = 8  # of the peaks, by support
+PROBES = 24  # images on which peaks are ranked
+MAX_YAW = np.radians(6.0)  # by which a hypothesis' yaw may be off
+YAW_BINS = 1440
+YAW_PEAKS = 3
+BLIND_HEIGHTS = (0.35, 0.6, 1.0, 1.7)  # m: HEIGHTS around them overlap
+MAX_IMAGES = 40
 
 
 @njit(cache=True)
@@ -91,37 +94,80 @@ def _pairs(
     return middle[i], normal[j], np.sum(normal * walls[:, 0], axis=1)[j], extent[j], np.minimum(pixels[i], 150.0)
 
 
-def align_yaw(frames: CalibrationFrames, camera: Camera, pose: Pose3, vertical: Array) -> float:
-    """Yaw (rad) of the ground map in the platform frame near the pose's at which most lines run along LiDAR segments.
+def yaw_density(frames: CalibrationFrames, camera: Camera, vertical: Array) -> Array:
+    """(YAW_BINS,) how much line runs along LiDAR segments with the ground map turned by each yaw in [0, pi).
 
     A kernel density over the angles of all pairs of lines and segments of the same images.
     """
-    ground = ground_from_camera(vertical)
-    yaw = float(np.arctan2(*(pose.rotation @ ground.T)[[1, 0], 0]))
-    density = np.zeros(len(YAW_STEPS))
+    from scipy.ndimage import gaussian_filter1d
+
+    density = np.zeros(YAW_BINS)
     for index in range(len(frames)):
         rows = slice(frames.line_offsets[index], frames.line_offsets[index + 1])
         ends = ground_map(frames.lines[rows], camera, vertical)
         walls = frames.segments[frames.segment_offsets[index] : frames.segment_offsets[index + 1]]
         way, along = ends[:, 1] - ends[:, 0], walls[:, 1] - walls[:, 0]
         pixels = np.minimum(np.linalg.norm(frames.lines[rows, 1] - frames.lines[rows, 0], axis=1), 150.0)
-        angle = np.arctan2(along[:, 1], along[:, 0]) - np.arctan2(way[:, 1], way[:, 0])[:, None] - yaw
-        angle = (angle + np.pi / 2) % np.pi - np.pi / 2
+        angle = np.arctan2(along[:, 1], along[:, 0]) - np.arctan2(way[:, 1], way[:, 0])[:, None]
         weight = pixels[:, None] * np.minimum(np.linalg.norm(along, axis=1), 3.0)
-        near = np.isfinite(angle) & (np.abs(angle) < MAX_YAW)
-        density += np.histogram(angle[near], YAW_EDGES, weights=weight[near])[0]
-    from scipy.ndimage import gaussian_filter1d
-
-    return yaw + float(YAW_STEPS[np.argmax(gaussian_filter1d(density, 3.0))])
+        finite = np.isfinite(angle)
+        density += np.histogram(angle[finite] % np.pi, YAW_BINS, (0.0, np.pi), weights=weight[finite])[0]
+    return np.asarray(gaussian_filter1d(density, 3.0, mode="wrap"))
 
 
-def vote(frames: CalibrationFrames, camera: Camera, pose: Pose3, vertical: Array) -> list[Pose3]:
-    """Poses near `pose`, their yaw aligned and their tilt from `vertical`, at the PEAKS best voted positions."""
+def yaw_candidates(density: Array) -> Array:
+    """Yaws (rad) of the highest peaks of the density, each with its opposite."""
+    from scipy.ndimage import maximum_filter1d
+
+    peaks = np.flatnonzero(density == maximum_filter1d(density, 41, mode="wrap"))
+    peaks = peaks[np.argsort(-density[peaks], kind="stable")][:YAW_PEAKS]
+    yaws = (peaks + 0.5) * np.pi / YAW_BINS
+    return wrap_angle(np.concatenate([yaws, yaws + np.pi]))
+
+
+def _aligned(yaw: float, density: Array) -> float:
+    """The yaw of greatest density within MAX_YAW of the given one."""
+    steps = np.arange(-int(MAX_YAW / np.pi * YAW_BINS), int(MAX_YAW / np.pi * YAW_BINS) + 1)
+    start = int(np.floor((yaw % np.pi) / np.pi * YAW_BINS))
+    best = start + steps[np.argmax(density[(start + steps) % YAW_BINS])]
+    return yaw + (best + 0.5) * np.pi / YAW_BINS - yaw % np.pi
+
+
+def blind_starts(vertical: Array, density: Array) -> list[Pose3]:
+    """Poses to vote around when no hypothesis is to be trusted: every likely yaw, at the scanner, at some heights."""
+    ground = ground_from_camera(vertical)
+    starts = []
+    for yaw in yaw_candidates(density):
+        turn = np.eye(3)
+        turn[:2, :2] = rotation2(float(yaw))
+        starts += [Pose3(turn @ ground, np.array([0.0, 0.0, z])) for z in BLIND_HEIGHTS]
+    return starts
+
+
+def vote(
+    frames: CalibrationFrames, camera: Camera, pose: Pose3, vertical: Array, density: Array, tolerance: float
+) -> list[Pose3]:
+    """Poses near `pose`, their yaw aligned and their tilt from `vertical`: peaks of the votes that lines support best.
+
+    density: as `yaw_density` gives it. tolerance: pixels, as in `support`; cells are wider than it, so twice as much
+    is allowed here.
+    """
+    ground = ground_from_camera(vertical)
+    yaw = float(np.arctan2(*(pose.rotation @ ground.T)[[1, 0], 0]))
+    yaw = _aligned(yaw, density)
+    turn = np.eye(3)
+    turn[:2, :2] = rotation2(yaw)
+    peaks = _peaks(frames, camera, pose, turn[:2, :2], vertical)
+    poses = [Pose3(turn @ ground, position) for position in peaks]
+    probes = np.unique(np.linspace(0, len(frames) - 1, PROBES).astype(np.int64))
+    values = [score(support(frames, camera, p, 2 * tolerance, probes)) for p in poses]
+    return [poses[i] for i in np.argsort(values, kind="stable")[::-1][:KEPT]]
+
+
+def _peaks(frames: CalibrationFrames, camera: Camera, pose: Pose3, turn: Array, vertical: Array) -> Array:
+    """(P, 3) positions of the PEAKS highest maxima of the votes around the pose's position."""
     from scipy.ndimage import gaussian_filter, maximum_filter
 
-    ground = ground_from_camera(vertical)
-    yaw = align_yaw(frames, camera, pose, vertical)
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     x, y, z = pose.translation
     heights = np.arange(HEIGHTS[0] * z, HEIGHTS[1] * z, CELL)
     shifts = np.arange(-SHIFT, SHIFT + CELL / 2, CELL)
@@ -132,9 +178,7 @@ def vote(frames: CalibrationFrames, camera: Camera, pose: Pose3, vertical: Array
         extent = extent - (normal @ [-y, x])[:, None]  # along = (ny, -nx)
         _vote(votes, middle, normal, offset, extent, weight, heights, shifts)
     smooth = gaussian_filter(votes, 1.0)
-    peak = (smooth == maximum_filter(smooth, 5)) & (smooth > 0)
+    peak = (smooth == maximum_filter(smooth, 3)) & (smooth > 0)
     cells = np.argwhere(peak)
     best = cells[np.argsort(-smooth[peak], kind="stable")[:PEAKS]]
-    full = np.eye(3)
-    full[:2, :2] = turn
-    return [Pose3(full @ ground, np.array([x + shifts[i], y + shifts[j], heights[h]])) for h, i, j in best]
+    return np.array([[x + shifts[i], y + shifts[j], heights[h]] for h, i, j in best]).reshape(-1, 3)

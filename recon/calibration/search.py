@@ -1,0 +1,121 @@
+"""Search for the camera pose that the lines of all images support best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from recon.calibration.refine import Refinement, refine
+from recon.calibration.support import CalibrationFrames, score, support
+from recon.calibration.voting import MAX_YAW, blind_starts, vote, yaw_density
+from recon.geometry import Array, Pose3
+from recon.sequence.camera import Camera
+
+REFINEMENT = (1.0, 1.0, 0.7, 0.5, 0.5, 0.5)  # of the tolerance
+MAX_ROUNDS = 3
+MAX_STARTS = 3
+LOWER_PLANE_RANGE = (0.02, 0.15)  # m, of a baseboard's upper edge above the floor
+LOWER_PLANE_SUPPORT = 0.5  # of the best plane's evidence
+MIN_FOOT = 80.0  # pixels of foot in an image before it counts
+MIN_FRACTION = 0.4  # of the feet in an image that lines must explain: the paper's inlier threshold
+
+
+@dataclass(frozen=True)
+class Found:
+    """A refined pose and its evidence, in standard deviations above chance."""
+
+    evidence: float
+    refined: Refinement
+
+
+class PoseSearch:
+    """Voting and refinement around starting poses, over all images.
+
+    vertical: unit vector (3,) in the camera frame, pointing down, and its sigma (rad). tolerance: pixels, of a line
+    from a projected foot.
+    """
+
+    def __init__(
+        self, frames: CalibrationFrames, camera: Camera, vertical: tuple[Array, float], tolerance: float
+    ) -> None:
+        self._frames, self._camera, self._vertical, self._tolerance = frames, camera, vertical, tolerance
+        self._density = yaw_density(frames, camera, vertical[0])
+
+    def refine(self, pose: Pose3) -> Found | None:
+        """The pose refined from here; None where too few lines match."""
+        tolerances = tuple(self._tolerance * f for f in REFINEMENT)
+        refined = refine(self._frames, self._camera, pose, self._vertical, tolerances)
+        return None if refined is None else Found(self._evidence(refined), refined)
+
+    def counts(self, refined: Refinement) -> Array:
+        """(F, 2) explained and projected pixels an image."""
+        pose, offset = refined.platform_from_camera, refined.foot_offset
+        return support(self._frames, self._camera, pose, self._tolerance, None, offset)
+
+    def share(self, refined: Refinement) -> float:
+        """Share of the images with a foot in view whose feet the lines explain."""
+        counts = self.counts(refined)
+        seen = counts[:, 1] > MIN_FOOT
+        return float(np.mean(counts[seen, 0] > MIN_FRACTION * counts[seen, 1])) if seen.any() else 0.0
+
+    def around(self, start: Pose3, best: Found | None) -> Found | None:
+        """The best found by voting around `start`, then around what that gave, as long as it betters `best`."""
+        for _ in range(MAX_ROUNDS):
+            voted = vote(self._frames, self._camera, start, self._vertical[0], self._density, self._tolerance)
+            better = self._best([start, *voted], best)
+            if better is best or better is None:
+                break
+            best, start = better, better.refined.platform_from_camera
+        return best
+
+    def blind(self, best: Found | None) -> Found | None:
+        """As `around`, from every likely yaw and height."""
+        posed = []
+        for start in blind_starts(self._vertical[0], self._density):
+            posed += vote(self._frames, self._camera, start, self._vertical[0], self._density, self._tolerance)[:2]
+        values = [score(support(self._frames, self._camera, pose, 2 * self._tolerance)) for pose in posed]
+        for i in np.argsort(values, kind="stable")[::-1][:MAX_STARTS]:
+            best = self.around(posed[i], best)
+        return best
+
+    def lowest_plane(self, found: Found) -> Found:
+        """What was found, or a higher camera where lines support a plane just below.
+
+        A baseboard's upper edge runs parallel to the wall's foot all around the building and explains the LiDAR as
+        well; the floor is the lowest plane that lines support.
+        """
+        pose, offset = found.refined.platform_from_camera, found.refined.foot_offset
+        lower = np.arange(0.0, LOWER_PLANE_RANGE[1] + 0.015, 0.01)
+        poses = [Pose3(pose.rotation, pose.translation + np.array([0.0, 0.0, z])) for z in lower]
+        counts = (support(self._frames, self._camera, p, self._tolerance, None, offset) for p in poses)
+        values = np.array([score(c) for c in counts])
+        peak = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:]) & (lower[1:-1] > LOWER_PLANE_RANGE[0])
+        for i in np.flatnonzero(peak)[::-1] + 1:
+            candidate = self.refine(poses[i])
+            if candidate is not None and candidate.evidence > LOWER_PLANE_SUPPORT * found.evidence:
+                return candidate
+        return found
+
+    def _best(self, poses: list[Pose3], best: Found | None) -> Found | None:
+        for pose in poses:
+            found = self.refine(pose)
+            if found is not None and (best is None or found.evidence > best.evidence):
+                best = found
+        return best
+
+    def _evidence(self, refined: Refinement) -> float:
+        """Scores at the tolerance and at half of it: the tight one tells parallel lines apart."""
+        pose, offset = refined.platform_from_camera, refined.foot_offset
+        tolerances = (self._tolerance, self._tolerance / 2)
+        return sum(score(support(self._frames, self._camera, pose, t, None, offset)) for t in tolerances)
+
+
+def distinct(poses: list[Pose3]) -> list[Pose3]:
+    """The first MAX_STARTS poses that differ in rotation by more than the search around one covers."""
+    kept: list[Pose3] = []
+    for pose in poses:
+        cosines = [(np.trace(pose.rotation @ k.rotation.T) - 1) / 2 for k in kept]
+        if all(c < np.cos(MAX_YAW) for c in cosines):
+            kept.append(pose)
+    return kept[:MAX_STARTS]

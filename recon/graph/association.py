@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
-from recon.graph.line import FLATNESS, Difference, Lines, carry, squared_distance
+from recon.geometry import Array, wrap_angle
+from recon.graph.line import FLATNESS, Difference, Lines, carry, squared_distance, symmetric
 from recon.graph.motion import Motion
 
 Ints = NDArray[np.int64]
@@ -107,17 +107,16 @@ class WallTable:
 
     def update(self, label: int, line: Lines, drift: Array, scan: int) -> None:
         """Fuse one segment. drift: (2, 2) covariance of the wall's drift since it was seen, at the segment's middle."""
-        to_wall = Difference.between(line, self.lines[label : label + 1])
-        along, offset, angle = (float(a[0, 0]) for a in (to_wall.along, to_wall.offset, to_wall.angle))
-        half = float(line.half[0])
         x, y, yaw = self._pose[label]
-        low, high = min(-self._half[label], along - half), max(self._half[label], along + half)
-        shift = (low + high) / 2  # the wall's origin moves to the middle of its stretch
-        back = np.asarray(shift - along)
-        prior = carry(self._covariance[label], np.asarray(shift)) + carry(drift, back)
-        gain = prior @ np.linalg.inv(prior + carry(line.covariance[0], back))
-        offset, angle = gain @ np.array([offset + (shift - along) * angle, angle])
         c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = line.middle[0] - self._pose[label, :2]
+        along, offset, angle = c * dx + s * dy, c * dy - s * dx, wrap_angle(line.angle[0] - yaw)
+        low, high = min(-self._half[label], along - line.half[0]), max(self._half[label], along + line.half[0])
+        shift = (low + high) / 2  # the wall's origin moves to the middle of its stretch
+        back = shift - along
+        prior = carry(self._covariance[label], shift) + carry(drift, back)
+        gain = prior @ np.linalg.inv(prior + carry(line.covariance[0], back))
+        offset, angle = gain @ np.array([offset + back * angle, angle])
         self._pose[label] = x + c * shift - s * offset, y + s * shift + c * offset, yaw + angle
         self._covariance[label] = prior - gain @ prior
         self._half[label] = (high - low) / 2
@@ -180,8 +179,7 @@ def flatness(lines: Lines) -> Array:
 def _pose_covariance(lever: Array, across: Array | float, heading: Array | float) -> Array:
     """Covariance (..., 2, 2) of (offset, angle) of a line `lever` m along itself from a pose of that uncertainty."""
     mixed = lever * heading
-    off = across + lever * mixed
-    return np.stack([np.stack([off, mixed], -1), np.stack([mixed, np.broadcast_to(heading, off.shape)], -1)], -2)
+    return symmetric(across + lever * mixed, mixed, heading)
 
 
 def _nearest(difference: Difference, spread: Array) -> Ints:

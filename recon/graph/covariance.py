@@ -6,30 +6,41 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import splu
 
 from recon.geometry import Array
 
-CHUNK = 256
-"""Columns of the covariance that are in memory at a time."""
+BAND = 5
+"""Diagonals above the main one that neighbouring poses fill."""
+CHUNK = 500
+"""Poses whose covariances are computed at a time."""
 
 
 class JointCovariance:
-    """The inverse of the information matrix, column by column.
+    """The inverse of the information matrix, as far as it is asked for.
 
-    Every variable is a Pose2 of three numbers in its own frame (x, y, yaw), variable k in rows 3k to 3k+2. GTSAM's
-    Marginals gives single blocks; walls are compared in pairs, which needs the blocks between them too.
+    Every variable is a Pose2 of three numbers in its own frame (x, y, yaw), variable k in rows 3k to 3k+2: first the
+    poses along the drive, then everything else (walls, axes). Poses are tied to their neighbours and to walls only, so
+    their part of the information is a narrow band, and what is dense is as large as there are walls (the Schur
+    complement). GTSAM's Marginals gives blocks one by one; walls are compared in pairs, which needs the blocks between
+    them too.
     """
 
-    def __init__(self, linear_graph: Any, variables: int) -> None:
+    def __init__(self, linear_graph: Any, poses: int, variables: int) -> None:
         rows, columns, values = linear_graph.sparseJacobian_()
-        size, used = 3 * variables, columns <= 3 * variables
+        size, used, split = 3 * variables, columns <= 3 * variables, 3 * poses
         shape = (3 * linear_graph.size(), size)
         self.jacobian = csr_array((values[used], (rows[used] - 1, columns[used] - 1)), shape=shape)
-        information = (self.jacobian.T @ self.jacobian).tocsc()
-        self._factor = splu(information, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-        self._size = size
+        information = csr_array(self.jacobian.T @ self.jacobian)
+        self._band = np.zeros((BAND + 1, split))
+        for k in range(min(BAND + 1, split)):
+            self._band[-1 - k, k:] = information[:split, :split].diagonal(k)
+        self._root = cholesky_banded(self._band)
+        self._across = csr_array(information[split:, :split])
+        self._lever = self._solve_poses(self._across.toarray().T)  # how poses follow the rest
+        self._rest = np.linalg.inv(information[split:, split:].toarray() - self._across @ self._lever)
+        self._split = split
         self._unknown = np.zeros(size)
 
     def add_unknown(self, rows: NDArray[np.int64], change: Array, sigma: float) -> None:
@@ -37,24 +48,21 @@ class JointCovariance:
 
         change: (n,) by how much one unit of it moves the residuals in the Jacobian's `rows` (n,).
         """
-        self._unknown = -sigma * self._factor.solve(self.jacobian[rows].T @ change)
+        self._unknown = -sigma * self._solve((self.jacobian[rows].T @ change)[:, None])[:, 0]
 
-    def joint(self, index: NDArray[np.int64]) -> Array:
-        """(n, n) covariance between the scalar variables `index` (n,)."""
-        out = np.empty((len(index), len(index)))
-        for start in range(0, len(index), CHUNK):
-            part = index[start : start + CHUNK]
-            out[:, start : start + CHUNK] = self._columns(part)[index]
-        return (out + out.T) / 2
+    def rest(self) -> Array:
+        """(M, M) joint covariance of everything but the poses."""
+        later = self._unknown[self._split :]
+        return self._rest + np.outer(later, later)
 
-    def blocks(self, variables: NDArray[np.int64]) -> Array:
-        """(n, 3, 3) marginal covariance of each of the `variables` (n,)."""
-        out = np.empty((len(variables), 3, 3))
-        step = CHUNK // 3
-        for start in range(0, len(variables), step):
-            index = (3 * variables[start : start + step, None] + np.arange(3)).reshape(-1)
-            block = self._columns(index)[index].reshape(len(index) // 3, 3, -1, 3)
-            out[start : start + step] = block[np.arange(len(block)), :, np.arange(len(block))]
+    def poses(self) -> Array:
+        """(N, 3, 3) marginal covariance of every pose."""
+        change = self._unknown[: self._split].reshape(-1, 3)
+        out = self._chain_blocks() + change[:, :, None] * change[:, None]
+        for start in range(0, self._split, 3 * CHUNK):
+            part = self._lever[start : start + 3 * CHUNK]
+            wide = (part @ self._rest).reshape(len(part) // 3, 3, part.shape[1])
+            out[start // 3 : start // 3 + CHUNK] += wide @ part.reshape(wide.shape).transpose(0, 2, 1)
         return out
 
     def leverage(self, rows: NDArray[np.int64], probes: int = 8) -> float:
@@ -64,12 +72,35 @@ class JointCovariance:
         """
         if not len(rows):
             return 0.0
-        part = self.jacobian[rows]
         signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(rows), probes))
-        back = part.T @ signs
-        return float(np.sum(back * self._factor.solve(back)) / probes)
+        back = self.jacobian[rows].T @ signs
+        return float(np.sum(back * self._solve(back)) / probes)
 
-    def _columns(self, index: NDArray[np.int64]) -> Array:
-        unit = np.zeros((self._size, len(index)))
-        unit[index, np.arange(len(index))] = 1.0
-        return np.asarray(self._factor.solve(unit) + np.outer(self._unknown, self._unknown[index]))
+    def _solve(self, right: Array) -> Array:
+        """The inverse of the information times `right` (V, n)."""
+        poses = self._solve_poses(right[: self._split])
+        others = self._rest @ (right[self._split :] - self._across @ poses)
+        return np.concatenate([poses - self._lever @ others, others])
+
+    def _solve_poses(self, right: Array) -> Array:
+        return np.asarray(cho_solve_banded((self._root, False), right, check_finite=False))
+
+    def _chain_blocks(self) -> Array:
+        """(N, 3, 3) diagonal blocks of the inverse of the poses' own information, walls held (block tridiagonal)."""
+        own, following = self._blocks(0), self._blocks(3)
+        out = np.array(np.linalg.inv(own[:1]).repeat(len(own), axis=0), dtype=np.float64)
+        for k in range(1, len(own)):
+            out[k] = np.linalg.inv(own[k] - following[k - 1].T @ out[k - 1] @ following[k - 1])
+        for k in range(len(own) - 2, -1, -1):
+            gain = out[k] @ following[k]
+            out[k] += gain @ out[k + 1] @ gain.T
+        return out
+
+    def _blocks(self, shift: int) -> Array:
+        """(N, 3, 3) blocks of the poses' information on the diagonal (shift 0), (N - 1, 3, 3) beside it (shift 3)."""
+        out = np.empty(((self._split - shift) // 3, 3, 3))
+        for i in range(3):
+            for j in range(3):
+                away = abs(shift + j - i)
+                out[:, i, j] = self._band[-1 - away, shift + (j if shift else max(i, j)) :: 3]
+        return out

@@ -18,8 +18,14 @@ def carry(covariance: Array, along: Array) -> Array:
     """Covariance (..., 2, 2) of (offset, angle) of a line, moved `along` (...,) metres along it."""
     c00, c01, c11 = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
     off = c00 + 2 * along * c01 + along**2 * c11
-    mixed = c01 + along * c11
-    return np.stack([np.stack([off, mixed], -1), np.stack([mixed, np.broadcast_to(c11, off.shape)], -1)], -2)
+    return symmetric(off, c01 + along * c11, c11)
+
+
+def symmetric(first: Array, mixed: Array, second: Array | float) -> Array:
+    """Symmetric matrices (..., 2, 2) from their three entries."""
+    out = np.empty((*np.shape(first), 2, 2))
+    out[..., 0, 0], out[..., 0, 1], out[..., 1, 0], out[..., 1, 1] = first, mixed, mixed, second
+    return out
 
 
 def squared_distance(offset: Array, angle: Array, covariance: Array) -> Array:

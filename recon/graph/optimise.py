@@ -36,12 +36,12 @@ def optimise(problem: Problem, final: bool) -> Solution:
     graph = build(problem, redescending=not final)
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(MAX_ITERATIONS)
-    parameters.setRelativeErrorTol(1e-6)
+    parameters.setRelativeErrorTol(1e-6 if final else 1e-4)
     parameters.setlambdaInitial(1e-6)
     values = gtsam.LevenbergMarquardtOptimizer(graph.factors, graph.initial, parameters).optimize()
     found = gtsam.utilities.extractPose2(values)  # in order of the keys
     poses, walls, _ = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
-    covariance = JointCovariance(graph.factors.linearize(values), graph.variables)
+    covariance = JointCovariance(graph.factors.linearize(values), len(poses), graph.variables)
     if problem.odometry is not None:
         covariance.add_unknown(
             _rows(graph, "odometry"), _change_with_scale(problem.odometry), problem.odometry.scale_sigma

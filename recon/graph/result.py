@@ -40,7 +40,7 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
     fits = wall_residuals(problem, solution) <= GATE
     labels = np.where(fits, problem.labels, -1)
     scans, images = sightings(labels, problem.observations, len(solution.walls), len(poses))
-    blocks = solution.covariance.blocks(len(poses) + np.arange(len(solution.walls)))
+    rest = solution.covariance.rest()
     need = min(LEAST_SIGHTINGS, len(poses))
     walls = []
     for number in np.flatnonzero((scans >= need) | (images >= LEAST_SIGHTINGS)):
@@ -49,7 +49,9 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
         if len(intervals):
             source: Source = "lidar" if scans[number] >= need else "image"
             seen = int(scans[number] + images[number])
-            walls.append(_wall(solution.walls[number], blocks[number], intervals, source, seen))
+            walls.append(
+                _wall(solution.walls[number], rest[3 * number + 1 :, 3 * number + 1 :][:2, :2], intervals, source, seen)
+            )
     scale = None if problem.odometry is None else problem.odometry.scale
     return MapEstimate(
         Trajectory(np.asarray(timestamps, dtype=np.float64), poses),
@@ -75,14 +77,14 @@ def _wall(pose: Array, covariance: Array, intervals: Array, source: Source, seen
     middle = (intervals[0, 0] + intervals[-1, 1]) / 2
     x, y, yaw = pose
     moved = np.array([x + middle * np.cos(yaw), y + middle * np.sin(yaw), float(wrap_angle(yaw))])
-    spread = carry(covariance[1:, 1:], np.asarray(middle))
+    spread = carry(covariance, np.asarray(middle))
     sigma_offset, sigma_angle = np.sqrt(np.diag(spread))
     return WallLine(moved, intervals - middle, float(sigma_offset), float(sigma_angle), source, seen)
 
 
 def pose_sigmas(solution: Solution) -> Array:
     """(N, 3) standard deviations of x, y (m, along the map's axes) and yaw (rad), relative to the first pose."""
-    blocks = solution.covariance.blocks(np.arange(len(solution.poses)))
+    blocks = solution.covariance.poses()
     c, s = np.cos(solution.poses[:, 2]), np.sin(solution.poses[:, 2])
     turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
     position = turn @ blocks[:, :2, :2] @ turn.transpose(0, 2, 1)

@@ -101,9 +101,9 @@ def _solve(
 
 def _merged(state: _State, solution: Solution) -> _State:
     """The state with the solution's poses and walls, those that are one wall made one."""
-    poses, count = len(state.poses), len(state.walls)
-    index = (3 * (poses + np.arange(count))[:, None] + np.array([1, 2])).reshape(-1)
-    joint = solution.covariance.joint(index)
+    count = len(state.walls)
+    index = (3 * np.arange(count)[:, None] + np.array([1, 2])).reshape(-1)
+    joint = solution.covariance.rest()[np.ix_(index, index)]
     blocks = joint.reshape(count, 2, count, 2)[np.arange(count), :, np.arange(count)]
     walls = Lines(solution.walls[:, :2], solution.walls[:, 2], state.walls.half, blocks.reshape(count, 2, 2))
     group = merge_labels(walls, joint)
@@ -120,8 +120,8 @@ def _renumbered(axis: Axis, number: Ints) -> Axis:
 
 
 def _axes(state: _State, solution: Solution) -> tuple[Axis, ...]:
-    index = 3 * (len(state.poses) + np.arange(len(state.walls))) + 2
-    joint = solution.covariance.joint(index)
+    index = 3 * np.arange(len(state.walls)) + 2
+    joint = solution.covariance.rest()[np.ix_(index, index)]
     return tuple(find_axes(solution.walls[:, 2], joint, 2 * state.walls.half))
 
 

@@ -142,6 +142,8 @@ def partners(seen: NDArray[np.float32], count: int) -> list[tuple[int, int]]:
     """
     from scipy import sparse
 
+    if seen.size == 0:
+        return []
     good = sparse.csr_matrix((seen > 0.3 * seen.max(axis=0, keepdims=True)) & (seen > 0), dtype=np.int32)
     shared = (good @ good.T).toarray()
     pairs = []

@@ -7,15 +7,16 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.sequence.camera import Camera
-from recon.texture.canvas import Canvas
+from recon.texture.canvas import BLOCK, Canvas
 from recon.texture.view import Sight
 
 KEPT = 8
 """Views a block: enough for a median that outvotes clutter."""
 BORDER = 0.04
 """Share of the image's height: lenses are worst at the border."""
-BORDER_COST, OBLIQUE_COST = 0.3, 0.2
-"""Octaves at the very border; octaves an octave of difference between the best and the worst resolved direction."""
+BORDER_COST, PARTIAL_COST, OBLIQUE_COST = 0.3, 6.0, 0.2
+"""Octaves: at the very border, where the border cuts the block, and for each octave between the best and the worst
+resolved direction."""
 
 
 class Candidates:
@@ -52,4 +53,5 @@ def view_cost(sight: Sight, canvas: Canvas, camera: Camera) -> Array:
     x, y = sight.pixels.T
     border = np.minimum(np.minimum(x, camera.width - 1 - x), np.minimum(y, camera.height - 1 - y))
     near_border = np.clip(1 - border / (BORDER * camera.height), 0, 1)
-    return np.asarray(blur + OBLIQUE_COST * oblique + BORDER_COST * near_border)
+    partial = border < 0.5 * BLOCK * canvas.texel * sight.fine
+    return np.asarray(blur + OBLIQUE_COST * oblique + BORDER_COST * near_border + PARTIAL_COST * partial)

@@ -108,8 +108,8 @@ class Canvas:
 
     def nodes(self, rows: tuple[int, int], columns: tuple[int, int]) -> Array:
         """Middles (r + 2, c + 2, 3) of the blocks from rows[0] to before rows[1] ..., with one ring around them."""
-        x = (np.arange(columns[0] - 1, columns[1] + 1) + 0.5) * BLOCK - 0.5
-        y = (np.arange(rows[0] - 1, rows[1] + 1) + 0.5) * BLOCK - 0.5
+        x = (np.arange(columns[0] - 1, columns[1] + 1, dtype=np.float64) + 0.5) * BLOCK - 0.5
+        y = (np.arange(rows[0] - 1, rows[1] + 1, dtype=np.float64) + 0.5) * BLOCK - 0.5
         return self.points(x[None, :], y[:, None])
 
 

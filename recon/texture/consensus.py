@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 from recon.geometry import Array
 from recon.texture.candidates import KEPT, Candidates
 
-MIN_VIEWS = 4
+MIN_VIEWS = 3
 """Fewer views cannot outvote one that is wrong."""
 CLUTTER_FROM, CLUTTER_TO, CLUTTER_COST = 22.0, 60.0, 5.0
 """Levels (0 to 255) by which a patch differs where its cost starts and where it is full, and that cost in octaves."""
+DULLER = 25.0
+"""Levels: a view that is a grey amount brighter, or by so much darker, shows the same thing with and without shine."""
 AGREE, MAJORITY, UNANIMITY = 20.0, 0.5, 0.75
 """Levels within which views agree; shares of views that do so where their word starts to count and where it is law."""
 CORRECTION, TINT = 0.7, 0.1
 """Largest correction of brightness and of hue, logarithm: shine and shade are grey, clutter need not be."""
-REACH = 3.0
-"""Blocks: standard deviation of the smoothing of corrections."""
+REACH, HOLD = 3.0, 0.03
+"""Blocks: standard deviation of the smoothing of corrections; weight of no correction, where little is trusted."""
 
 
 Slots = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -52,7 +54,8 @@ def agree(candidates: Candidates, gains: Array) -> Consensus:
     median = np.where(count[:, None] > 0, 0.5 * (low + high), 0).astype(np.float32)
     colours[~known] = 0
     away = colours - median[:, None]
-    away -= np.maximum(away.min(axis=2, keepdims=True), 0)  # a grey gleam is no other thing
+    gleam, dullness = away.min(axis=2, keepdims=True), away.max(axis=2, keepdims=True)
+    away -= np.maximum(gleam, 0) + np.clip(dullness, -DULLER, 0)
     deviation = np.abs(away).max(axis=2)
     deviation[~known] = 0
     share = (known & (deviation < AGREE)).sum(axis=1) / np.maximum(count, 1)
@@ -64,14 +67,16 @@ def clutter_cost(candidates: Candidates, consensus: Consensus, shape: tuple[int,
     """Octaves (n, KEPT) on views that show something in front of the face.
 
     Only patches at least three blocks wide count: what is thinner is an edge that images place a little differently.
+    With them count the blocks around, which show a part.
     """
     out = np.zeros(candidates.cost.shape, np.float32)
     for block, slot in candidates.by_view().values():
         window = Window.around(block, shape)
-        grid = window.scatter(block, consensus.deviation[block, slot], np.inf)
-        core = window.gather(cv2.erode(grid, np.ones((3, 3), np.uint8)), block)
-        share = np.clip((core - CLUTTER_FROM) / (CLUTTER_TO - CLUTTER_FROM), 0, 1)
-        out[block, slot] = CLUTTER_COST * share * consensus.trust[block]
+        share = (consensus.deviation[block, slot] - CLUTTER_FROM) / (CLUTTER_TO - CLUTTER_FROM)
+        grid = window.scatter(block, np.clip(share, 0, 1) * consensus.trust[block], np.inf)
+        core = cv2.erode(grid, np.ones((3, 3), np.uint8))
+        core[np.isinf(grid)] = 0
+        out[block, slot] = CLUTTER_COST * window.gather(cv2.dilate(core, np.ones((5, 5), np.uint8)), block)
     return out
 
 
@@ -129,8 +134,8 @@ def correct(
     log = np.log(consensus.colour[block] + 4.0) - own
     brightness = log.mean(axis=1, keepdims=True)
     log = np.clip(brightness, -CORRECTION, CORRECTION) + np.clip(log - brightness, -TINT, TINT)
-    weight = consensus.trust[block] + np.float32(1e-3)
+    weight = consensus.trust[block] * np.exp(-0.5 * (consensus.deviation[block, slot] / AGREE) ** 2)
     window = Window.around(block, shape)
     total = window.scatter(block, np.column_stack([log * weight[:, None], weight]), 0.0)
     smooth = cv2.GaussianBlur(total, (0, 0), REACH, borderType=cv2.BORDER_CONSTANT)
-    return Correction(window, np.asarray(smooth[..., :3] / np.maximum(smooth[..., 3:], 1e-6), dtype=np.float32))
+    return Correction(window, np.asarray(smooth[..., :3] / (smooth[..., 3:] + HOLD), dtype=np.float32))

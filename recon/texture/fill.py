@@ -43,9 +43,9 @@ def usual_colour(colour: Grid, weight: Grid) -> Grid:
 
 
 def _weight(colour: Grid, centre: Grid, weight: Grid) -> Grid:
-    """(r, c), 0 to 1: how near colours are to `centre`, on the scale on which half of the face lies."""
+    """(r, c), 0 to 1: how near colours are to `centre`, on the scale of the nearest third of the face."""
     away = np.abs(colour - centre).max(axis=2)
-    scale = max(UNUSUAL, 1.5 * float(np.median(away[weight > 0.5 * weight.max()])))
+    scale = max(UNUSUAL, 1.5 * float(np.percentile(away[weight > 0.5 * weight.max()], 30)))
     return np.asarray(np.exp(-0.5 * (away / scale) ** 2), dtype=np.float32)
 
 
@@ -60,7 +60,7 @@ def push_pull(colour: Grid, weight: Grid) -> Grid:
         return colour
     size = (-(-colour.shape[1] // 2), -(-colour.shape[0] // 2))
     summed = _halve(np.concatenate([colour * known, known], axis=2))
-    coarse = summed[..., :3] / np.maximum(summed[..., 3:], 1e-6)
+    coarse = np.asarray(summed[..., :3] / np.maximum(summed[..., 3:], 1e-6), dtype=np.float32)
     below = push_pull(coarse, np.minimum(summed[..., 3] * 4, 1)) if (summed[..., 3] < 0.25).any() else coarse
     wide = cv2.resize(below, (size[0] * 2, size[1] * 2), interpolation=cv2.INTER_LINEAR)
     wide = wide[: colour.shape[0], : colour.shape[1]]

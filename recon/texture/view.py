@@ -70,7 +70,7 @@ class Sight:
 
 
 def look(lens: Lens, map_from_camera: Pose3, points: Array, axes: Array, spacing: float) -> Sight:
-    """Which of points (N, 3), map frame, lie in the image, whole patches of `spacing` m around them included.
+    """Which of points (N, 3), map frame, lie in the image, and how well patches of `spacing` m there are resolved.
 
     axes: (2, 3) unit vectors along the face. Occlusion is not looked at.
     """
@@ -84,9 +84,7 @@ def look(lens: Lens, map_from_camera: Pose3, points: Array, axes: Array, spacing
     turned = axes @ camera_from_map.rotation.T
     along = [(lens.project(local + step * axis) - pixels) / step for axis in turned]
     fine, coarse = _singular_values(*along)
-    margin = 1.0 + 0.5 * spacing * fine
     ok = np.isfinite(coarse) & (coarse > 0)
-    ok[ok] = _within(pixels[ok], lens.camera, margin[ok])
     return Sight(index[ok], pixels[ok], fine[ok], coarse[ok])
 
 
@@ -97,7 +95,7 @@ def _facing(map_from_camera: Pose3, points: Array, axes: Array) -> NDArray[np.bo
     return np.asarray(towards @ normal > MIN_SINE * np.linalg.norm(towards, axis=1))
 
 
-def _within(pixels: Array, camera: Camera, margin: Array | float) -> NDArray[np.bool_]:
+def _within(pixels: Array, camera: Camera, margin: float) -> NDArray[np.bool_]:
     x, y = pixels[:, 0], pixels[:, 1]
     with np.errstate(invalid="ignore"):
         inside_x = (x >= margin) & (x <= camera.width - 1 - margin)

@@ -1,0 +1,270 @@
+"""Textures reproduce a room of known colours: right place, right way round, sharp, even, honest about what was seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import shapely
+from box_room import FISHEYE, RATIONAL, SIZE, WIDE, Shoot, box_layout, camera_at, face_colours, round_tour, shoot, solid
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from recon.config import TextureConfig
+from recon.faces import extrude
+from recon.geometry import Array, Pose3
+from recon.model import Face, Layout, Room, Wall
+from recon.raycast import RayScene
+from recon.sequence.camera import Camera
+from recon.texture import texture_faces
+from recon.texture.fill import fill_smoothly
+from recon.texture.gains import solve_log_gains
+from recon.texture.labelling import choose_views
+
+COARSE = TextureConfig(metres_per_texel=0.01)
+
+
+def textured(taken: Shoot, poses: tuple[Pose3 | None, ...] | None = None, workers: int = 1) -> tuple[Face, ...]:
+    faces = extrude(box_layout())
+    return texture_faces(faces, taken.camera, poses or taken.poses, taken.load, COARSE, workers)
+
+
+@cache
+def wide_tour() -> Shoot:
+    return shoot(WIDE, round_tour())
+
+
+@cache
+def wide_tour_textured() -> tuple[Face, ...]:
+    return textured(wide_tour())
+
+
+def points_on(face: Face, seed: int = 0, count: int = 4000) -> Array:
+    """Random points spread over a rectangular face (found from its corners, not from uv)."""
+    low, high = face.vertices.min(axis=0), face.vertices.max(axis=0)
+    return np.random.default_rng(seed).uniform(low, high, (count, 3))
+
+
+def seen_by(points: Array, taken: Shoot, margin: float) -> NDArray[np.bool_]:
+    """Whether any image shows the points, `margin` pixels inside its border: the box room hides nothing."""
+    seen = np.zeros(len(points), dtype=bool)
+    camera = taken.camera
+    for pose in taken.poses:
+        local = pose.inverse().apply(points)
+        pixels = camera.project(local)
+        # Distortion may fold points far off the axis back into the image: a seen point is found again from its pixel.
+        inside = (pixels >= margin).all(axis=1) & (
+            pixels <= [camera.width - 1 - margin, camera.height - 1 - margin]
+        ).all(axis=1)
+        back = np.full((len(points), 2), np.nan)
+        back[inside] = camera.undistort(pixels[inside])
+        seen |= inside & (np.abs(back - local[:, :2] / local[:, 2:]).max(axis=1) < 1e-3)
+    return seen
+
+
+def psnr(faces: tuple[Face, ...], taken: Shoot, scale: bool = False) -> float:
+    """Of seen points against the truth, dB; with `scale` after one factor a channel for all faces together."""
+    points = [points_on(face) for face in faces]
+    use = [seen_by(p, taken, 12.0) for p in points]
+    found = np.concatenate([face_colours(f, p[u]) for f, p, u in zip(faces, points, use, strict=True)])
+    truth = np.concatenate([solid(p[u])[:, ::-1] for p, u in zip(points, use, strict=True)])
+    if scale:
+        found = found * np.median(truth / np.maximum(found, 1), axis=0)
+    return float(10 * np.log10(255**2 / np.mean((found - truth) ** 2)))
+
+
+@pytest.mark.parametrize("camera", [WIDE, FISHEYE, RATIONAL], ids=["plumb_bob", "equidistant", "rational_polynomial"])
+def test_textures_show_the_room(camera: Camera) -> None:
+    taken = wide_tour() if camera is WIDE else shoot(camera, round_tour())
+    faces = wide_tour_textured() if camera is WIDE else textured(taken)
+    assert all(face.texture is not None for face in faces)
+    assert 30 < psnr(faces, taken) < 60
+    turned = tuple(replace(f, texture=f.texture[:, ::-1]) for f in faces if f.texture is not None)
+    assert psnr(turned, taken) < 20, "the measure notices a mirrored picture"
+
+
+def test_textures_are_sharp() -> None:
+    """Differences over 2 cm are as large as they are in truth: 1 would be perfect, a blur of 3 cm gives 0.85."""
+    for face in wide_tour_textured()[:4]:
+        points = points_on(face)
+        step = np.array([0.0, 0.0, 0.02])
+        points = points[seen_by(points, wide_tour(), 20.0)]
+        found = face_colours(face, points + step) - face_colours(face, points)
+        truth = (solid(points + step) - solid(points))[:, ::-1]
+        assert 0.9 < float(np.sqrt(np.mean(found**2) / np.mean(truth**2))) < 1.1, face.name
+
+
+def test_seen_fraction_is_what_images_see() -> None:
+    for face in wide_tour_textured():
+        truth = float(seen_by(points_on(face), wide_tour(), 0.0).mean())
+        assert face.seen_fraction == pytest.approx(truth, abs=0.04), face.name
+    assert 0.2 < min(f.seen_fraction for f in wide_tour_textured()) < 0.95, "the test has something to tell apart"
+
+
+def test_resolution_follows_configuration_images_and_limit() -> None:
+    taken = wide_tour()
+    faces = extrude(box_layout())
+    fine = texture_faces(faces, taken.camera, taken.poses, taken.load, TextureConfig(metres_per_texel=0.0005))
+    small = texture_faces(faces, taken.camera, taken.poses, taken.load, TextureConfig(max_texture_size=100))
+    for a, b, c in zip(wide_tour_textured(), fine, small, strict=True):
+        assert a.texture is not None and b.texture is not None and c.texture is not None
+        assert a.metres_per_texel == pytest.approx(0.01, rel=0.02)
+        width = np.linalg.norm(np.ptp(a.vertices[:, :2], axis=0)) if a.kind == "wall" else SIZE[0]
+        assert a.texture.shape[1] * a.metres_per_texel == pytest.approx(width, rel=0.02)
+        # A pixel covers 5 to 20 mm here: texels of half a millimetre would show nothing more.
+        assert 0.003 < b.metres_per_texel < 0.015
+        assert max(c.texture.shape[:2]) == 100
+
+
+def test_exposure_is_evened_out() -> None:
+    gains = np.exp(np.random.default_rng(3).normal(0, 0.2, (12, 1))) * np.ones(3)
+    taken = shoot(WIDE, round_tour(), gains)
+    assert psnr(textured(taken), taken, scale=True) > 29
+    plain = wide_tour()
+    assert psnr(textured(replace(plain, images=taken.images)), plain, scale=True) > 29
+
+
+@given(st.integers(0, 2**31), st.floats(0, 0.15))
+def test_gains_are_recovered(seed: int, outliers: float) -> None:
+    rng = np.random.default_rng(seed)
+    views, count = 15, 400
+    truth = rng.normal(0, 0.15, (views, 3))
+    first = rng.integers(0, views - 4, count)
+    points = np.repeat(np.arange(count), 5)
+    owner = (first[:, None] + np.arange(5)).ravel()
+    logs = rng.uniform(3, 5, (count, 3))[points] - truth[owner] + rng.normal(0, 0.02, (5 * count, 3))
+    logs[rng.random(len(logs)) < outliers] += rng.normal(0, 0.7, 3)
+    found = solve_log_gains(points, owner, logs, views + 1)
+    error = found[:views] - truth
+    assert np.abs(error - error.mean(axis=0)).max() < 0.04
+    assert np.abs(error.mean(axis=0)).max() < 0.15, "on the whole neither brighter nor darker"
+    assert found[views] == pytest.approx(0), "an image that shares nothing is left as it is"
+
+
+def test_what_stands_in_front_is_outvoted() -> None:
+    taken = shoot(WIDE, round_tour(24))
+    covered = list(taken.images)
+    for i in (3, 11, 18):
+        covered[i] = covered[i].copy()
+        covered[i][72:152, 88:160] = (20, 20, 230)
+    clean, disturbed = textured(taken), textured(replace(taken, images=tuple(covered)))
+    assert psnr(clean, taken) > 30
+    assert psnr(disturbed, taken) > psnr(clean, taken) - 3
+    red = [np.mean((f.texture[..., 0] > 190) & (f.texture[..., 2] < 70)) for f in disturbed if f.texture is not None]
+    assert max(red) < 0.002
+
+
+def test_poses_off_by_a_centimetre_still_give_one_picture() -> None:
+    rng = np.random.default_rng(8)
+    taken = shoot(WIDE, round_tour(20))
+    moved = []
+    for pose in taken.poses:
+        turn = rng.normal(0, np.deg2rad(0.3), 3)
+        x, y, z = turn
+        small = np.array([[1, -z, y], [z, 1, -x], [-y, x, 1]])
+        u, _, v = np.linalg.svd(small)
+        moved.append(pose @ Pose3(u @ v, rng.normal(0, 0.01, 3)))
+    assert psnr(textured(taken, tuple(moved)), taken) > 38
+    faces = extrude(box_layout())
+    apart = replace(taken, poses=tuple(moved))
+    raw = [seen_error(faces, apart, i) for i in range(len(moved))]
+    assert float(np.median(raw)) > 6, "levels: each image alone is this far off, 33 dB at best"
+
+
+def seen_error(faces: tuple[Face, ...], taken: Shoot, index: int) -> float:
+    """Root mean square difference (levels) between an image and the truth where its pose says it looks."""
+    camera, pose = taken.camera, taken.poses[index]
+    points = np.concatenate([points_on(face, seed=1) for face in faces])
+    pixels = camera.project(pose.inverse().apply(points))
+    inside = (pixels >= 5).all(axis=1) & (pixels <= [camera.width - 6, camera.height - 6]).all(axis=1)
+    x, y = np.round(pixels[inside]).astype(int).T
+    return float(np.sqrt(np.mean((taken.images[index][y, x] - solid(points[inside])) ** 2)))
+
+
+def test_workers_do_not_change_the_result() -> None:
+    for one, three in zip(wide_tour_textured(), textured(wide_tour(), workers=3), strict=True):
+        assert one.texture is not None and three.texture is not None
+        assert one.texture.tobytes() == three.texture.tobytes()
+        assert one.seen_fraction == three.seen_fraction
+
+
+def test_images_that_are_corrupt_or_without_pose_are_left_out() -> None:
+    taken = wide_tour()
+    poses: tuple[Pose3 | None, ...] = (None, *taken.poses[1:])
+
+    def load(index: int) -> NDArray[np.uint8] | None:
+        assert index != 0, "nobody asks for an image without a pose"
+        return None if index == 5 else taken.load(index)
+
+    faces = texture_faces(extrude(box_layout()), taken.camera, poses, load, COARSE)
+    assert psnr(faces, replace(taken, poses=tuple(p for i, p in enumerate(taken.poses) if i not in (0, 5)))) > 30
+
+
+def test_faces_that_no_image_sees_stay_plain() -> None:
+    taken = shoot(WIDE, (camera_at(2.5, 1.8, 0.0),))
+    faces = {f.name: f for f in textured(taken)}
+    assert faces["wall_003"].texture is None and faces["wall_003"].seen_fraction == 0, "behind the camera"
+    assert faces["wall_001"].texture is not None and faces["wall_001"].seen_fraction > 0.7, "in front of it"
+    nobody = texture_faces(extrude(box_layout()), WIDE, (None, None), lambda _: None, COARSE)
+    assert [f.texture for f in nobody] == [None] * 6
+    assert texture_faces((), WIDE, taken.poses, taken.load) == ()
+
+
+def test_walls_hide_what_is_behind_them() -> None:
+    """An L-shaped room, every face of one colour: no face gets another's colour from beyond the inner corner."""
+    polygon = np.array([[0, 0], [5, 0], [5, 2], [2, 2], [2, 5], [0, 5]], dtype=np.float64)
+    ends = np.roll(polygon, -1, axis=0)
+    walls = tuple(Wall(i, a, b, 0.01, 0.001, "lidar", 9) for i, (a, b) in enumerate(zip(polygon, ends, strict=True)))
+    faces = extrude(Layout(walls, (Room(0, "L", polygon),), ceiling_height=2.4))
+    colours = np.array([[200, 40, 40], [40, 200, 40], [40, 40, 200], [200, 200, 40], [40, 200, 200], [200, 40, 200],
+                        [120, 120, 120], [230, 230, 230]], dtype=np.uint8)  # fmt: skip
+    spots = [(4.4, 1.0, np.pi), (3.0, 1.2, np.pi), (1.0, 1.0, 0.8), (1.0, 3.8, -1.3), (1.2, 1.2, 1.4), (0.8, 0.7, -0.6)]
+    poses = tuple(camera_at(x, y, yaw) for x, y, yaw in spots)
+    scene = RayScene(faces)
+    checked, images = 0, []
+    for pose in poses:
+        _, hit = scene.cast(pose.translation, WIDE.rays() @ pose.rotation.T)
+        images.append(np.ascontiguousarray(colours[hit][..., ::-1]))
+    for face, colour in zip(texture_faces(faces, WIDE, poses, lambda i: images[i], COARSE), colours, strict=True):
+        if face.texture is not None:
+            points = points_on(face)
+            if face.kind != "wall":
+                points = points[shapely.contains_xy(shapely.Polygon(polygon).buffer(-0.08), points[:, :2])]
+            else:
+                ends_away = np.linalg.norm((points - face.vertices[:, None])[..., :2], axis=2)
+                points = points[(points[:, 2] > 0.08) & (points[:, 2] < 2.32) & (ends_away.min(axis=0) > 0.08)]
+            away = np.abs(face_colours(face, points) - colour).max(axis=1)
+            assert float((away > 40).mean()) < 0.003, face.name
+            checked += 1
+    assert checked == 8
+
+
+@given(st.integers(0, 2**31), st.integers(1, 40), st.integers(1, 40))
+def test_fill_continues_what_is_known(seed: int, rows: int, columns: int) -> None:
+    rng = np.random.default_rng(seed)
+    weight = (rng.random((rows, columns)) < 0.3).astype(np.float32)
+    weight[rng.integers(rows), rng.integers(columns)] = 1
+    plain = np.full((rows, columns, 3), (30, 120, 220), np.float32)
+    holed = np.where(weight[..., None] > 0, plain, 0).astype(np.float32)
+    assert fill_smoothly(holed, weight) == pytest.approx(plain, abs=0.5)
+    noisy = plain + rng.uniform(-20, 20, plain.shape).astype(np.float32)
+    filled = fill_smoothly(noisy, weight)
+    assert np.all(filled >= plain - 20.5) and np.all(filled <= plain + 20.5), "no colour beyond those around it"
+
+
+def test_seams_run_where_views_agree() -> None:
+    """Two views, the left one better on the left: the seam moves from the middle to where nothing shows it."""
+    rows, columns, agree = 6, 30, 19
+    cost = np.full((rows, columns, 8), np.inf, np.float32)
+    view = np.full((rows, columns, 8), -1, np.int32)
+    ramp = 0.02 * np.arange(columns)
+    cost[..., 0], cost[..., 1] = ramp, ramp[::-1]
+    view[..., 0], view[..., 1] = 4, 9
+    deviation = np.full((rows, columns, 8), 25.0, np.float32)
+    deviation[:, agree : agree + 2] = 0
+    blocks = (rows * columns, 8)
+    choice = choose_views(cost.reshape(blocks), view.reshape(blocks), deviation.reshape(blocks), (rows, columns))
+    assert np.array_equal(choice, np.where(np.arange(columns) <= agree, 4, 9) * np.ones((rows, 1), int))

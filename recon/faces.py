@@ -23,7 +23,7 @@ def extrude(layout: Layout) -> tuple[Face, ...]:
     """Faces without textures, map frame: one a wall (by order in the layout), then floor and ceiling of every room.
 
     Triangles are counter-clockwise seen from the free space. A wall's picture is what a viewer who faces it sees: u
-    runs from its end (on the left) to its start, v up. Passages are holes in their wall; doors and windows are not. In
+    runs from its end (on the left) to its start, v up. Passages and open doors are holes in their wall; closed doors and windows are not. In
     the picture of a floor or ceiling u runs along the narrowest enclosing rectangle. uv covers [0, 1] x [0, 1] and is
     proportional to metres. Walls are as high as the ceiling of the room that they face.
     """
@@ -69,7 +69,7 @@ def _wall_face(layout: Layout, wall: Wall) -> Face:
     from shapely.geometry import Polygon, box
 
     height = _wall_height(layout, wall)
-    holes = [_hole(wall, o) for o in layout.openings if o.wall == wall.id and o.type == "passage"]
+    holes = [_hole(wall, o) for o in layout.openings if o.wall == wall.id and o.is_hole]
     if holes:
         shape: Any = Polygon([(0, 0), (wall.length, 0), (wall.length, height), (0, height)])
         for hole in holes:

@@ -88,7 +88,8 @@ def _room_to_json(room: Room) -> dict[str, Any]:
 def _opening_to_json(opening: Opening) -> dict[str, Any]:
     start, end = _points(np.stack([opening.start, opening.end]))
     extent = {"start": start, "end": end, "bottom": _rounded(opening.bottom), "top": _rounded(opening.top)}
-    return {"id": int(opening.id), "type": opening.type, "wall": int(opening.wall), **extent}
+    more = {"open": True} if opening.open else {}
+    return {"id": int(opening.id), "type": opening.type, "wall": int(opening.wall), **extent, **more}
 
 
 def _check_ids(layout: Layout, where: str) -> None:
@@ -142,6 +143,12 @@ class _Reader:
             raise self.fail(f"{place}.{key}", value, "a whole number from 0")
         return value
 
+    def flag(self, data: dict[str, Any], key: str, place: str) -> bool:
+        value = data.get(key, False)
+        if not isinstance(value, bool):
+            raise self.fail(f"{place}.{key}", value, "true or false")
+        return value
+
     def text(self, data: dict[str, Any], key: str, place: str, default: str, allowed: tuple[str, ...] = ()) -> str:
         value = data.get(key, default)
         if not isinstance(value, str) or (allowed and value not in allowed):
@@ -190,6 +197,7 @@ class _Reader:
             end=self.point(data.get("end"), f"{place}.end"),
             bottom=self.number(data, "bottom", place, 0.0),
             top=self.number(data, "top", place),
+            open=self.flag(data, "open", place),
         )
 
     def object(self, value: Any, place: str) -> FloorObject:

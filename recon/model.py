@@ -63,7 +63,10 @@ class Room:
 
 @dataclass(frozen=True)
 class Opening:
-    """A door (leaf), passage (no leaf) or window (glass) in wall `wall`; heights above the floor in m."""
+    """A door (leaf), passage (no leaf) or window (glass) in wall `wall`; heights above the floor in m.
+
+    `open`: a door whose leaf stands open. One looks through it, as through a passage (`is_hole`).
+    """
 
     id: int
     type: OpeningType
@@ -72,6 +75,12 @@ class Opening:
     end: Array
     bottom: float
     top: float
+    open: bool = False
+
+    @property
+    def is_hole(self) -> bool:
+        """Whether nothing fills it."""
+        return self.type == "passage" or (self.type == "door" and self.open)
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from recon.sequence.folder import read_sequence
 numbers = st.floats(-5, 5)
 
 
+@settings(deadline=None)
 @given(numbers, numbers, numbers, st.floats(-0.1, 0.1), st.floats(0.001, 0.1), st.floats(0.001, 0.1))
 def test_distance_does_not_depend_on_where_along_the_line(
     first: float, second: float, offset: float, angle: float, across: float, turn: float
@@ -78,6 +79,7 @@ def test_a_vague_piece_does_not_join_a_wall_and_a_recess() -> None:
     assert labels[0] != labels[1]
 
 
+@settings(deadline=None)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1))
 def test_joining_pieces_of_one_line_gives_the_line(x: float, y: float, yaw: float) -> None:
     along = np.array([-2.0, 0.5, 3.0])
@@ -117,7 +119,7 @@ def test_scatter_of_an_axis_is_that_of_its_walls() -> None:
     assert 0.002 < axis.scatter < 0.004
 
 
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 9)), min_size=1, max_size=8), st.integers(1, 3))
 def test_covered_counts_cells(spans: list[tuple[int, int]], need: int) -> None:
     """Against counting on a grid."""
@@ -134,6 +136,7 @@ def test_union_closes_small_gaps() -> None:
     np.testing.assert_array_equal(union(parts, 0.15), [[0.0, 2.0], [3.0, 4.0]])
 
 
+@settings(deadline=None)
 @given(arrays(float, 3, elements=st.floats(-0.5, 0.5)))
 def test_matches_keep_only_what_walls_do_not_say(relative: Array) -> None:
     """A match of points on two parallel walls and one corner post keeps the post."""

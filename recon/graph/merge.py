@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.graph.association import GATE, MAX_TURN
-from recon.graph.line import FLATNESS, Difference, Lines, squared_distance
+from recon.graph.line import FLATNESS, Difference, Lines, carry, squared_distance
 
 Ints = NDArray[np.int64]
 
@@ -15,6 +15,8 @@ IN_LINE = 0.002
 """m: flatness of walls on either side of an opening; two door leaves in niches of nearly one depth differ by more."""
 MAX_GAP = 2.5
 """m: a wall goes on behind an opening of this width (a double door)."""
+MAX_OFFSET = 1.0
+"""m: walls further apart than this, one's middle off the other's line, are not compared."""
 POWER = 0.02
 """m: two pieces are one wall only where a step of a few times this between them would have shown."""
 
@@ -27,12 +29,15 @@ def merge_labels(walls: Lines, joint: Array) -> Ints:
     flatness of walls. Every two pieces of one wall must pass (complete linkage), so that a vague piece between a wall
     and a recess cannot join the two.
     """
+    count = len(walls)
     apart = Difference.between(walls, walls)
-    distance, sigma = _compare(walls, apart, joint)
-    sure = (apart.gap <= 0) | (sigma <= POWER)
-    same = (distance <= GATE) & (np.abs(apart.angle) <= MAX_TURN)
-    near = same & sure & (apart.gap <= MAX_GAP)
-    compatible = same & same.T
+    row, column = np.nonzero((np.abs(apart.angle) <= MAX_TURN) & (np.abs(apart.offset) <= MAX_OFFSET))
+    gap = apart.gap[row, column]
+    distance, near = np.full((count, count), np.inf), np.zeros((count, count), dtype=bool)
+    distance[row, column], sigma = _compare(walls, apart, joint, row, column)
+    near[row, column] = (gap <= 0) | ((sigma <= POWER) & (gap <= MAX_GAP))
+    compatible = np.maximum(distance, distance.T) <= GATE
+    near &= compatible
     first, second = np.nonzero(np.triu(near | near.T, 1))
     order = np.argsort(np.maximum(distance, distance.T)[first, second], kind="stable")
     label = np.arange(len(walls))
@@ -43,28 +48,25 @@ def merge_labels(walls: Lines, joint: Array) -> Ints:
     return np.asarray(np.unique(label, return_inverse=True)[1])
 
 
-def _compare(walls: Lines, apart: Difference, joint: Array) -> tuple[Array, Array]:
-    """Squared distance and standard deviation of the offset (both (W, W)) between walls, row seen from column."""
-    n = len(walls)
-    half = walls.half
+def _compare(walls: Lines, apart: Difference, joint: Array, row: Ints, column: Ints) -> tuple[Array, Array]:
+    """Squared distance and sigma of the offset (both (P,)) between pairs of walls, row seen from column."""
+    along, offset, angle = apart.along[row, column], apart.offset[row, column], apart.angle[row, column]
+    row_half, column_half = walls.half[row], walls.half[column]
     # the reference is the middle of where the stretches overlap, or of the gap between them
-    low = np.maximum(-half[None], apart.along - half[:, None])
-    high = np.minimum(half[None], apart.along + half[:, None])
-    in_column = (low + high) / 2
-    in_row = (in_column - apart.along) * np.cos(apart.angle)
-    blocks = joint.reshape(n, 2, n, 2).transpose(0, 2, 1, 3)
-    diagonal = blocks[np.arange(n), np.arange(n)]
-    row, column = _lever(in_row), _lever(in_column)
-    cross = row @ blocks @ column.transpose(0, 1, 3, 2)
-    spread = row @ diagonal[:, None] @ row.transpose(0, 1, 3, 2) - cross - cross.transpose(0, 1, 3, 2)
-    spread = spread + column @ diagonal[None] @ column.transpose(0, 1, 3, 2)
-    sigma = np.sqrt(np.maximum(spread[..., 0, 0], 0))
-    shorter = np.maximum(np.minimum(half[:, None], half[None]), FLATNESS)
-    flatness = np.where(apart.gap <= 0, FLATNESS, IN_LINE)
-    spread[..., 0, 0] = sigma**2 + flatness**2
-    spread[..., 1, 1] = np.maximum(spread[..., 1, 1], 0) + (flatness / shorter) ** 2
-    offset = apart.offset + in_row * np.sin(apart.angle)
-    return squared_distance(offset, apart.angle, spread), sigma
+    in_column = (np.maximum(-column_half, along - row_half) + np.minimum(column_half, along + row_half)) / 2
+    in_row = (in_column - along) * np.cos(angle)
+    blocks = joint.reshape(len(walls), 2, len(walls), 2)
+    to_row, to_column = _lever(in_row), _lever(in_column)
+    cross = to_row @ blocks[row, :, column] @ to_column.transpose(0, 2, 1)
+    spread = carry(blocks[row, :, row], in_row) + carry(blocks[column, :, column], in_column)
+    spread = spread - cross - cross.transpose(0, 2, 1)
+    sigma = np.sqrt(np.maximum(spread[:, 0, 0], 0))
+    flatness = np.where(apart.gap[row, column] <= 0, FLATNESS, IN_LINE)
+    spread[:, 0, 0] = sigma**2 + flatness**2
+    spread[:, 1, 1] = (
+        np.maximum(spread[:, 1, 1], 0) + (flatness / np.maximum(np.minimum(row_half, column_half), FLATNESS)) ** 2
+    )
+    return squared_distance(offset + in_row * np.sin(angle), angle, spread), sigma
 
 
 def _lever(along: Array) -> Array:

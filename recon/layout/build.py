@@ -19,6 +19,7 @@ from recon.layout.objects import floor_objects
 from recon.layout.openings import find_openings
 from recon.layout.outline import Side, sides, spurs, walls_of
 from recon.layout.recess import absorb_steps
+from recon.layout.returns import Returns
 from recon.layout.rooms import regions, room_names, simple_polygons
 from recon.layout.simplify import simplified
 from recon.layout.visited import visited_space
@@ -41,7 +42,7 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
     walls, rooms = _walls_and_rooms(cells, lines, space, visited, path)
-    openings = find_openings(walls, starts, ends, space)
+    openings = find_openings(walls, Returns(starts, ends), space)
     objects = floor_objects(walls, [shapely.Polygon(room.polygon) for room in rooms], space)
     return Layout(
         tuple(walls),
@@ -61,7 +62,7 @@ def _walls_and_rooms(
     evidence[:, 1:3] *= seen_from(cells, space, visited)
     reached, glanced = areas(cells, space, visited), areas(cells, space, space.free & ~visited)
     inside = label_cells(cells, lines, reached, glanced, evidence)
-    found, parting = regions(cells, inside, support[:, 0], spans, glanced > reached, path)
+    found, parting = regions(cells, lines, inside, support[:, 0], spans, glanced > reached, path)
     in_room = np.isin(np.arange(len(cells.polygons)), [cell for region in found for cell in region.cells])
     outlines = [[simplified(ring, space) for ring in sides(cells, region, support[:, 0], in_room)] for region in found]
     walls: list[Wall] = []

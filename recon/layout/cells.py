@@ -24,7 +24,7 @@ REACH = 0.05
 STEEP = float(np.sin(np.radians(15.0)))
 """A line that meets a wall more flatly is not stopped by it."""
 PARALLEL = 1e-6
-STOPPING = 0.3
+STOPPING = 1.0
 """m, a stretch shorter than this stops no other line."""
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
 from recon.layout.frontier import distance_to_walls
-from recon.layout.line import PlanLine, union
+from recon.layout.line import PlanLine, carried, coverage, total, union
 
 SHORTEST_WALL = 0.5
 """m of support; lines with less are clutter."""
@@ -21,6 +21,9 @@ BESIDE = 0.5
 """... at most this far, m, from one of their ends."""
 SHORTEST_PARTITION = 1.5
 """m of support; shorter lines with free space right behind them are clutter."""
+THICKNESS = (0.07, 0.4)
+"""m between the two faces of a wall; leaves are thinner."""
+PARALLEL = np.radians(5.0)
 SPARSE = 0.3
 """m along a line between returns of one stretch."""
 BEHIND = (0.15, 0.25, 0.35)
@@ -57,7 +60,8 @@ def is_sure(line: PlanLine) -> bool:
 def without_clutter(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
     """The lines that are walls."""
     lines = [line for line in lines if line.source == "image" or line.supported_length >= SHORTEST_WALL]
-    lines = [line for line in lines if line.source == "image" or not _stands_free(line, space)]
+    long = [line for line in lines if line.supported_length >= SHORTEST_PARTITION]
+    lines = [line for line in lines if line.source == "image" or _has_face(line, long) or not _stands_free(line, space)]
     sure = [line for line in lines if is_sure(line)]
     return [line for line in lines if is_sure(line) or not _is_alone(line, sure)]
 
@@ -73,6 +77,21 @@ def _stands_free(line: PlanLine, space: FreeSpace) -> bool:
             behind = [space.is_free(foot - side * depth * line.normal) for depth in BEHIND]
             shares.append(np.any(behind, axis=0))
     return bool(np.concatenate(shares).mean() > 0.5)
+
+
+def _has_face(line: PlanLine, long: list[PlanLine]) -> bool:
+    """Whether a longer wall, which faces the other way, is right behind most of a line: its other face."""
+    for stretches, side in ((line.front, 1.0), (line.back, -1.0)):
+        for other in long:
+            turned = float(other.direction @ line.direction)
+            if len(stretches) == 0 or abs(turned) < np.cos(PARALLEL):
+                continue
+            faces = other.back if side * turned > 0 else other.front
+            depth = -side * line.offset(other.point(other.along(line.point(stretches.mean())[None])))
+            low, high = carried(stretches, line, other).T
+            if THICKNESS[0] <= depth[0] <= THICKNESS[1] and coverage(faces, low, high).sum() > 0.5 * total(stretches):
+                return True
+    return False
 
 
 def _is_alone(line: PlanLine, sure: list[PlanLine]) -> bool:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
 from recon.layout.recess import DEPTH, WIDTH
+from recon.layout.returns import Returns
 from recon.model import Opening, OpeningType, Wall
 
 BIN = 0.05
@@ -25,25 +25,25 @@ TOP = 2.0
 """m, of openings whose head nothing has measured."""
 
 
-def find_openings(walls: list[Wall], starts: Array, returns: Array, space: FreeSpace) -> list[Opening]:
-    """Recessed leaves (returns a little behind a wall) and gaps (rays through it) as openings, in order of walls.
-
-    starts, returns: (R, 2) m, map frame, where rays began and ended.
-    """
+def find_openings(walls: list[Wall], returns: Returns, space: FreeSpace) -> list[Opening]:
+    """Recessed leaves (returns a little behind a wall) and gaps (rays through it) as openings, in order of walls."""
     out: list[Opening] = []
     for wall in walls:
         if wall.source == "inferred" or wall.length < WIDTH[0]:
             continue
-        for kind, low, high in _leaves(wall, starts, returns) + _gaps(wall, returns, space):
+        leaves = [(*found, False) for found in _leaves(wall, returns)]
+        gaps = [(*found, True) for found in _gaps(wall, returns, space)]
+        for kind, low, high, gap in leaves + gaps:
             start, end = wall.start + low * wall.direction, wall.start + high * wall.direction
-            out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP))
+            out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP, gap and kind == "door"))
     return out
 
 
-def _leaves(wall: Wall, starts: Array, returns: Array) -> list[tuple[OpeningType, float, float]]:
+def _leaves(wall: Wall, returns: Returns) -> list[tuple[OpeningType, float, float]]:
     """Stretches along the wall where rays from before it end behind it at a leaf's depth."""
+    along, across, starts = returns.beside(wall, DEPTH[1])
     before = (starts - wall.start) @ wall.normal > 0
-    along, across = _beside(wall, returns[before], DEPTH[1])
+    along, across = along[before], across[before]
     count = max(1, int(np.ceil(wall.length / BIN)))
     bins = np.minimum((along / BIN).astype(np.int64), count - 1)
     behind = across < -DEPTH[0]
@@ -59,14 +59,14 @@ def _leaves(wall: Wall, starts: Array, returns: Array) -> list[tuple[OpeningType
     return out
 
 
-def _gaps(wall: Wall, returns: Array, space: FreeSpace) -> list[tuple[OpeningType, float, float]]:
+def _gaps(wall: Wall, returns: Returns, space: FreeSpace) -> list[tuple[OpeningType, float, float]]:
     """Stretches along the wall that rays went through."""
     count = max(1, int(np.ceil(wall.length / BIN)))
     middle = (np.arange(count) + 0.5) * BIN
     foot = wall.start + middle[:, None] * wall.direction
     across_wall = np.arange(BESIDE, -1.6 * BESIDE, -BIN)
     through = np.all([space.is_free(foot + y * wall.normal) for y in across_wall], axis=0)
-    along, across = _beside(wall, returns, BESIDE)
+    along, across, _ = returns.beside(wall, BESIDE)
     bins = np.minimum((along[np.abs(across) < DEPTH[0]] / BIN).astype(np.int64), count - 1)
     solid = np.bincount(bins, minlength=count) >= MIN_RETURNS
     open_ = through & ~solid
@@ -76,14 +76,6 @@ def _gaps(wall: Wall, returns: Array, space: FreeSpace) -> list[tuple[OpeningTyp
         if WIDTH[0] <= high - low <= LONGEST_PASSAGE and _has_jambs(a, b, open_, open_ | solid):
             out.append(("door" if high - low <= LONGEST_DOOR else "passage", low, high))
     return out
-
-
-def _beside(wall: Wall, returns: Array, depth: float) -> tuple[Array, Array]:
-    """Positions along and across the wall (to its left) of the returns that are within `depth` of it."""
-    offset = returns - wall.start
-    along, across = offset @ wall.direction, offset @ wall.normal
-    near = (along >= 0) & (along < wall.length) & (np.abs(across) <= depth)
-    return along[near], across[near]
 
 
 def _runs(flag: NDArray[np.bool_], known: NDArray[np.bool_]) -> list[tuple[int, int]]:

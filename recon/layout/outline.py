@@ -21,7 +21,7 @@ HIDDEN = 3.0
 CORNER = 1.0
 """m, a wall goes on from its supported stretch to a corner that is no further away."""
 SHORTEST_SUPPORT = 0.2
-SHORTEST_SPUR = 1.0
+SHORTEST_SPUR = 1.3
 """m, a thin wall with the same room on both sides; shorter ones only join others."""
 JOINED = 0.1
 

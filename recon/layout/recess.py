@@ -15,9 +15,11 @@ WIDTH = (0.6, 2.2)
 """m along the wall: one or two leaves."""
 JAMB = 0.25
 """m from the leaf to the wall beside it, at most."""
-STANDING_DEPTH = 0.8
+STANDING_DEPTH = 1.0
 """m before the wall line: cupboards, boards, radiators."""
-STANDING_WIDTH = 1.5
+STANDING_WIDTH = 2.2
+CORNER_DEPTH, CORNER_WIDTH = 0.7, 1.2
+"""m, of such a thing in a corner, where wall is seen on one side of it only."""
 SHADOW = 0.7
 """m of wall that such a thing may hide on either side."""
 PARALLEL = np.radians(5.0)
@@ -107,8 +109,8 @@ def _is_standing(
     right = total(clip(supported, high, high + SHADOW)) > 0.1
     if left and right:
         return True
-    if depth <= DEPTH[1] or not (left or right):  # the stub between a corner and a recessed door
-        return False
+    if not DEPTH[1] < depth <= CORNER_DEPTH or high - low > CORNER_WIDTH or not (left or right):
+        return False  # the stub between a corner and a recessed door, or one leg of an L-shaped room
     return min(_distance_to_walls(end, step, lines) for end in step.point(stretch)) < SHADOW
 
 

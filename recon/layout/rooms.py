@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -13,11 +12,14 @@ from scipy.sparse.csgraph import connected_components
 
 from recon.geometry import Array
 from recon.layout.cells import Cells
+from recon.layout.line import PlanLine, coverage
 
 WALL_SHARE = 0.5
 """An edge between two inside cells is a wall from this supported share on."""
 PASSAGE = 2.2
-"""m, gaps up to this width between two stretches of one wall part rooms."""
+"""m, gaps up to this width between two stretches of one wall part rooms ..."""
+BESIDE_GAP = 0.5
+"""... if these are, together, this share of the gap long."""
 SMALLEST = 1.0
 """m^2"""
 SUPPORTED = 0.6
@@ -37,7 +39,13 @@ class Region:
 
 
 def regions(
-    cells: Cells, inside: NDArray[np.bool_], support: Array, spans: Array, glanced: NDArray[np.bool_], path: Array
+    cells: Cells,
+    lines: list[PlanLine],
+    inside: NDArray[np.bool_],
+    support: Array,
+    spans: Array,
+    glanced: NDArray[np.bool_],
+    path: Array,
 ) -> tuple[list[Region], NDArray[np.bool_]]:
     """Rooms, largest first, and (E,) the edges that are walls between inside cells.
 
@@ -50,7 +58,7 @@ def regions(
     wall = support >= WALL_SHARE * np.maximum(cells.lengths, 1e-9)
     has_wall = np.isin(cells.line, cells.line[wall])
     glance = has_wall & (glanced[cells.left] != glanced[cells.right])
-    parting = both & (wall | glance | _gaps(cells, wall, spans))
+    parting = both & (wall | glance | _walled(cells, spans, lines))
     link = both & ~parting
     count = len(cells.polygons)
     graph = coo_array((np.ones(link.sum()), (cells.left[link], cells.right[link])), shape=(count, count))
@@ -66,19 +74,27 @@ def regions(
     return kept or found[:1], both & wall
 
 
-def _gaps(cells: Cells, wall: NDArray[np.bool_], spans: Array) -> NDArray[np.bool_]:
-    """(E,) edges without wall in gaps of at most `PASSAGE` between two stretches of wall on the same line."""
-    gap = np.zeros(len(wall), np.bool_)
-    for k in np.unique(cells.line[cells.line >= 0]):
+def _closed(support: Array) -> Array:
+    """Supported stretches (K, 2) of a line joined over gaps of a door's width, if there is enough wall beside."""
+    joined = [list(support[0])]
+    for low, high in support[1:]:
+        gap = low - joined[-1][1]
+        if gap <= PASSAGE and (joined[-1][1] - joined[-1][0]) + (high - low) >= BESIDE_GAP * gap:
+            joined[-1][1] = high
+        else:
+            joined.append([low, high])
+    return np.array(joined)
+
+
+def _walled(cells: Cells, spans: Array, lines: list[PlanLine]) -> NDArray[np.bool_]:
+    """(E,) edges that a wall covers, with its doors and passages."""
+    walled = np.zeros(len(cells.edges), np.bool_)
+    for k, line in enumerate(lines):
         on = np.flatnonzero(cells.line == k)
-        on = on[np.argsort(spans[on, 0], kind="stable")]
-        solid = np.flatnonzero(wall[on])
-        for a, b in pairwise(solid):
-            width = spans[on[b], 0] - spans[on[a], 1]
-            beside = (spans[on[a], 1] - spans[on[a], 0]) + (spans[on[b], 1] - spans[on[b], 0])
-            if b > a + 1 and width <= PASSAGE and beside >= 0.5 * width:
-                gap[on[a + 1 : b]] = True
-    return gap
+        if len(line.support) and len(on):
+            low, high = spans[on].T
+            walled[on] = coverage(_closed(line.support), low, high) >= WALL_SHARE * (high - low)
+    return walled
 
 
 def _is_room(region: Region, cells: Cells, support: Array, path: Array) -> bool:

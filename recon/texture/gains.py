@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array
 
-PRIOR = 0.25
-"""Standard deviation of the logarithm of a gain: keeps what no overlap fixes, and slow drifts, near 1."""
+SHRINK, SHRINK_HUE = 0.03, 0.3
+"""Pull of gains towards 1, as a share of an image's samples: brightness, hue. Jumps from image to image are evened out,
+slow changes stay, as cameras and eyes adapt to dark and bright rooms and one exposure for all would burn out."""
 NOISE = 0.15
 """Standard deviation of one sample's logarithm: mixed pixels, shine, misalignment; samples are not independent."""
 ITERATIONS = 12
@@ -42,30 +45,51 @@ class ExposureSamples:
 
 
 def solve_log_gains(points: NDArray[np.int64], views: NDArray[np.int64], logs: Array, count: int) -> Array:
-    """Minimises sum rho(|logs + g[view] - c[point]| / NOISE) + sum |g / PRIOR|^2 over gains g and colours c.
+    """Minimises sum rho(|logs + g[view] - c[point]| / NOISE) + pull of g to 0 over gains g and colours c.
 
     points, views: (S,); logs: (S, 3). Returns g (count, 3). rho is Geman-McClure's (iteratively reweighted): shine and
     clutter in front of a point have no say. The colours are eliminated (Schur complement), so the system has `count`
-    unknowns.
+    unknowns. The mean of the channels (brightness) and what is left (hue) are solved for apart.
     """
-    from scipy import sparse
-    from scipy.sparse.linalg import spsolve
-
     _, index = np.unique(points, return_inverse=True)
     n = int(index.max()) + 1
+    brightness = np.tile(logs.mean(axis=1, keepdims=True), 3)
     weights = np.ones(len(points))
     gains = np.zeros((count, 3))
     for _ in range(ITERATIONS):
-        w = sparse.csr_matrix((weights, (views, index)), shape=(count, n))
-        total = np.maximum(np.asarray(w.sum(axis=0)).ravel(), 1e-12)
-        means = np.stack([np.bincount(index, weights * logs[:, c], n) for c in range(3)], axis=1) / total[:, None]
-        per_view = np.asarray(w.sum(axis=1)).ravel()
-        normal = sparse.diags(per_view + (NOISE / PRIOR) ** 2) - w @ sparse.diags(1 / total) @ w.T
-        away = weights[:, None] * (means[index] - logs)
-        right = np.stack([np.bincount(views, away[:, c], count) for c in range(3)], axis=1)
-        gains = np.asarray(spsolve(normal.tocsc(), right)).reshape(count, 3)
+        samples = _Samples(index, views, weights, n, count)
+        gains = samples.solve(brightness, SHRINK) + samples.solve(logs - brightness, SHRINK_HUE)
         moved = logs + gains[views]
-        colours = np.stack([np.bincount(index, weights * moved[:, c], n) for c in range(3)], axis=1) / total[:, None]
-        residual = np.abs(moved - colours[index]).max(axis=1)
+        residual = np.abs(moved - samples.means(moved)[index]).max(axis=1)
         weights = 1 / (1 + (residual / NOISE) ** 2) ** 2
     return gains
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Weighted samples (S,) of `points` points in `count` views."""
+
+    index: NDArray[np.int64]
+    views: NDArray[np.int64]
+    weights: Array
+    points: int
+    count: int
+
+    def means(self, values: Array) -> Array:
+        """Weighted mean (points, 3) of values (S, 3)."""
+        total = np.maximum(np.bincount(self.index, self.weights, self.points), 1e-12)
+        sums = [np.bincount(self.index, self.weights * column, self.points) for column in values.T]
+        return np.stack(sums, axis=1) / total[:, None]
+
+    def solve(self, values: Array, shrink: float) -> Array:
+        """What to add (count, 3) to all values of a view so that views agree at every point."""
+        from scipy import sparse
+        from scipy.sparse.linalg import spsolve
+
+        w = sparse.csr_matrix((self.weights, (self.views, self.index)), shape=(self.count, self.points))
+        total = np.maximum(np.bincount(self.index, self.weights, self.points), 1e-12)
+        per_view = np.bincount(self.views, self.weights, self.count)
+        normal = sparse.diags(per_view * (1 + shrink) + 1e-6) - w @ sparse.diags(1 / total) @ w.T
+        away = self.weights[:, None] * (self.means(values)[self.index] - values)
+        right = np.stack([np.bincount(self.views, column, self.count) for column in away.T], axis=1)
+        return np.asarray(spsolve(normal.tocsc(), right)).reshape(self.count, 3)

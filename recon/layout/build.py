@@ -13,7 +13,7 @@ from recon.layout.cells import Cells, cut_plane
 from recon.layout.clutter import is_sure, with_returns, without_clutter
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
-from recon.layout.labelling import areas, label_cells, seen_from, supports
+from recon.layout.labelling import areas, label_cells, supports, trust
 from recon.layout.line import PlanLine, merged_lines
 from recon.layout.objects import floor_objects
 from recon.layout.openings import find_openings
@@ -59,7 +59,7 @@ def _walls_and_rooms(
     """Cells labelled and joined to rooms, and the outlines of these as walls."""
     support, spans = supports(cells, lines), cells.spans(lines)
     evidence = support.copy()
-    evidence[:, 1:3] *= seen_from(cells, space, visited)
+    evidence[:, 1:3] *= trust(cells, lines, space, visited)
     reached, glanced = areas(cells, space, visited), areas(cells, space, space.free & ~visited)
     inside = label_cells(cells, lines, reached, glanced, evidence)
     found, parting = regions(cells, lines, inside, support[:, 0], spans, glanced > reached, path)

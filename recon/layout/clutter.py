@@ -24,7 +24,7 @@ SHORTEST_PARTITION = 1.5
 THICKNESS = (0.07, 0.4)
 """m between the two faces of a wall; leaves are thinner."""
 PARALLEL = np.radians(5.0)
-SPARSE = 0.3
+SPARSE = 0.6
 """m along a line between returns of one stretch."""
 BEHIND = (0.15, 0.25, 0.35)
 """m"""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
-from recon.layout.line import NONE, PlanLine, total, union
+from recon.layout.line import NONE, PlanLine, cross2, total, union
 
 EXPLAINED = 0.15
 """m, a rim of free space this close to a wall is that wall's."""
@@ -24,6 +24,8 @@ SMALLEST = 0.5
 """m^2, patches of free space smaller than this have no rim."""
 SAME = 0.2
 """m, frontiers alongside a wall or a longer frontier that are closer than this add nothing."""
+AT_CORNER = 0.5
+"""m from the end of a wall to another one that makes a corner with it."""
 ALIGNED = np.radians(10.0)
 SIGMA_OFFSET = 0.5
 SIGMA_ANGLE = 0.2
@@ -34,9 +36,11 @@ def frontier_lines(space: FreeSpace, walls: list[PlanLine]) -> list[PlanLine]:
     """Candidate lines along the rim of free space where no wall is.
 
     Each piece of rim gives the lines that touch it from outside: along its own straight parts, and along and across
-    the walls that it ends at; of lines that all but coincide, the longest.
+    the walls that it ends at. Where a wall's support ends at no other wall, a line goes across it there. Of lines that
+    all but coincide, the longest stays.
     """
     found = [line for rim in _rims(space) for chain in _chains(rim, walls) for line in _lines(chain, walls)]
+    found += _across_ends(walls)
     found.sort(key=lambda line: (line.oblique, -total(line.frontier)))
     lines: list[PlanLine] = []
     for line in found:
@@ -45,9 +49,24 @@ def frontier_lines(space: FreeSpace, walls: list[PlanLine]) -> list[PlanLine]:
     return lines
 
 
+def _across_ends(walls: list[PlanLine]) -> list[PlanLine]:
+    """Lines across walls at the ends of what was seen of them, except at corners."""
+    lines = []
+    for wall in walls:
+        others = [other for other in walls if other is not wall]
+        for end in (wall.support[0, 0], wall.support[-1, 1]) if len(wall.support) else ():
+            foot = wall.point(float(end))
+            if distance_to_walls(foot[None], others)[0] > AT_CORNER:
+                stub = np.array([[-AT_CORNER, AT_CORNER]])
+                lines.append(
+                    PlanLine(foot, wall.normal, NONE, NONE, SIGMA_OFFSET, SIGMA_ANGLE, "inferred", 0, stub, False)
+                )
+    return lines
+
+
 def _covers(line: PlanLine, other: PlanLine) -> bool:
     """Whether all of `other` runs within `SAME` of `line`, alongside it."""
-    if abs(np.cross(line.direction, other.direction)) > np.sin(ALIGNED):
+    if abs(cross2(line.direction, other.direction)) > np.sin(ALIGNED):
         return False
     ends = other.point(other.frontier.ravel())
     reach = union(np.concatenate([line.support, line.frontier]) + np.array([-EXPLAINED, EXPLAINED]))
@@ -108,7 +127,7 @@ def _lines(chain: Array, walls: list[PlanLine]) -> list[PlanLine]:
         length = float(np.linalg.norm(step))
         if b <= a or length < SHORTEST:
             continue
-        turn = np.abs(np.cross(directions, step / length)) if len(directions) else np.ones(1)
+        turn = np.abs(cross2(directions, step / length)) if len(directions) else np.ones(1)
         if turn.min() < np.sin(ALIGNED):
             near = directions[int(np.argmin(turn))]
             lines.append(_touching(chain[a : b + 1], near if near @ step > 0 else -near, False))
@@ -126,7 +145,7 @@ def _wall_directions(chain: Array, walls: list[PlanLine]) -> Array:
     for end in chain[[0, -1]]:
         nearest = min(known, key=lambda wall: float(distance_to_walls(end[None], [wall])[0]))
         for d in (nearest.direction, nearest.normal):
-            if all(abs(np.cross(d, other)) > np.sin(ALIGNED) for other in out):
+            if all(abs(cross2(d, other)) > np.sin(ALIGNED) for other in out):
                 out.append(d)
     return np.array(out)
 

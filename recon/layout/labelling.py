@@ -28,6 +28,7 @@ OBLIQUE = 1.3
 """... and in any other direction."""
 BOUNDARY = 0.1
 """Cost per m of any boundary: the simpler outline where nothing else decides."""
+IMAGE = 3.0
 SAMPLES = 9
 AHEAD = (0.1, 0.2, 0.3)
 """m before a wall where the space that it was seen from is looked for."""
@@ -65,18 +66,24 @@ def supports(cells: Cells, lines: list[PlanLine]) -> Array:
     return out
 
 
-def seen_from(cells: Cells, space: FreeSpace, visited: NDArray[np.bool_]) -> Array:
-    """(E, 2) share of each edge that has visited space before it on its left and on its right."""
+def trust(cells: Cells, lines: list[PlanLine], space: FreeSpace, visited: NDArray[np.bool_]) -> Array:
+    """(E, 2) what the wall faces on the left and right of each edge count: 1, less if only a glance fell on them.
+
+    Walls whose foot an image showed count `IMAGE` whatever the scanner saw: the floor before them was in view.
+    """
     start, end = cells.vertices[cells.edges[:, 0]], cells.vertices[cells.edges[:, 1]]
     step = (end - start) / np.maximum(cells.lengths, 1e-9)[:, None]
     normal = np.stack([-step[:, 1], step[:, 0]], axis=1)
     share = (np.arange(SAMPLES) + 0.5) / SAMPLES
     foot = start[:, None] + share[:, None] * (end - start)[:, None]
-    out = np.zeros((len(start), 2))
+    glanced = space.free & ~visited
+    out = np.ones((len(start), 2))
     for k, side in enumerate((1.0, -1.0)):
-        ahead = [foot + side * distance * normal[:, None] for distance in AHEAD]
-        seen = np.any([visited[space.index(p.reshape(-1, 2))].reshape(-1, SAMPLES) for p in ahead], axis=0)
-        out[:, k] = seen.mean(axis=1)
+        ahead = [space.index((foot + side * distance * normal[:, None]).reshape(-1, 2)) for distance in AHEAD]
+        near, only = np.any([visited[i] for i in ahead], axis=0), np.any([glanced[i] for i in ahead], axis=0)
+        out[:, k] -= (only & ~near).reshape(-1, SAMPLES).mean(axis=1)
+    from_image = np.array([line.source == "image" for line in lines] + [False])  # the last: the frame
+    out[from_image[cells.line]] = IMAGE
     return out
 
 

@@ -72,6 +72,11 @@ class PlanLine:
         return float(np.hypot(self.sigma_offset, position * self.sigma_angle))
 
 
+def cross2(a: Array, b: Array) -> Array:
+    """Third component of the cross product of plane vectors (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
 def union(intervals: Array, gap: float = 0.0) -> Array:
     """Sorted disjoint (K, 2) union of intervals (N, 2); gaps up to `gap` are closed."""
     merged: list[list[float]] = []
@@ -146,7 +151,7 @@ def _plan_line(wall: WallLine) -> PlanLine:
 
 def _same(line: PlanLine, other: PlanLine) -> bool:
     """Whether `line` continues `other` or is its other face: close over the whole stretch, and near along it."""
-    if abs(np.cross(line.direction, other.direction)) > np.sin(MERGE_ANGLE):
+    if abs(cross2(line.direction, other.direction)) > np.sin(MERGE_ANGLE):
         return False
     ends = line.support[[0, -1], [0, 1]]
     if np.abs(other.offset(line.point(ends))).max() > MERGE_OFFSET:
@@ -191,8 +196,8 @@ def crossings(lines: list[PlanLine]) -> tuple[Array, Array]:
     """(L, L) positions along line i of its crossing with line j, and the sine of their angle (>= 0, 0: they do not)."""
     origin = np.array([line.origin for line in lines]).reshape(-1, 2)
     direction = np.array([line.direction for line in lines]).reshape(-1, 2)
-    sine = direction[:, None, 0] * direction[None, :, 1] - direction[:, None, 1] * direction[None, :, 0]
+    sine = cross2(direction[:, None], direction[None])
     delta = origin[None, :, :] - origin[:, None, :]
-    cross = delta[..., 0] * direction[None, :, 1] - delta[..., 1] * direction[None, :, 0]
+    cross = cross2(delta, direction[None])
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(cross / sine), np.abs(sine)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from recon.geometry import Array
-from recon.layout.line import PlanLine, carried, clip, coverage, subtract, total, union
+from recon.layout.line import PlanLine, carried, clip, coverage, cross2, subtract, total, union
 
 DEPTH = (0.03, 0.30)
 """m behind the wall line: how deep a door leaf sits."""
@@ -44,7 +44,7 @@ def absorb_steps(lines: list[PlanLine]) -> list[PlanLine]:
 def _absorbed(wall: PlanLine, step: PlanLine, lines: list[PlanLine]) -> tuple[PlanLine, PlanLine]:
     """`wall` and `step` after the steps of `wall` are taken from `step`."""
     forward = bool(step.direction @ wall.direction > 0)
-    if abs(np.cross(wall.direction, step.direction)) > np.sin(PARALLEL):
+    if abs(cross2(wall.direction, step.direction)) > np.sin(PARALLEL):
         return wall, step
     for front in (True, False):
         on_wall = front == forward
@@ -122,7 +122,7 @@ def _distance_to_walls(point: Array, step: PlanLine, lines: list[PlanLine]) -> f
     """m from a point to the nearest supported stretch of a line that is not parallel to `step`."""
     best = np.inf
     for line in lines:
-        if abs(np.cross(line.direction, step.direction)) < np.sin(np.radians(30.0)):
+        if abs(cross2(line.direction, step.direction)) < np.sin(np.radians(30.0)):
             continue
         support = line.support
         if len(support):

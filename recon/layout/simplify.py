@@ -7,6 +7,7 @@ import shapely
 
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
+from recon.layout.line import cross2
 from recon.layout.outline import Side
 
 CUT = 0.03
@@ -43,7 +44,7 @@ def _without(ring: list[Side], k: int) -> list[Side]:
 def _area(triangle: Array) -> float:
     """Signed area (3, 2): positive where the corner in the middle is convex, so that its removal takes space away."""
     (a, b, c) = triangle
-    return float(np.cross(b - a, c - b)) / 2
+    return float(cross2(b - a, c - b)) / 2
 
 
 def _allowed(triangle: Array, space: FreeSpace) -> bool:

@@ -22,15 +22,20 @@ POCKET = 1.5
 
 
 def visited_space(space: FreeSpace, walls: list[PlanLine], path: Array) -> NDArray[np.bool_]:
-    """(rows, columns) free cells that connect to the path (N, 2) m by ways wider than a door."""
+    """(rows, columns) free cells that connect to the path (N, 2) m by ways wider than a door.
+
+    What no ray reached between free cells (between the rays that a far wall returned, say) counts as way.
+    """
     things = space.centres(space.blocked)
     away = distance_to_walls(things, walls) > NEAR_WALL
     furniture, wall = np.zeros((2, *space.free.shape), np.uint8)
     furniture[space.index(things[away])] = 1
     wall[space.index(things[~away])] = 1
-    furniture = cv2.dilate(furniture, _disc(FURNITURE, space)) & ~wall
+    _draw(wall, walls, space)
+    furniture = cv2.dilate(furniture, _disc(FURNITURE, space))
     disc = _disc(HALF_WIDTH, space)
-    core = cv2.erode(space.free.astype(np.uint8) | furniture, disc)
+    closed = cv2.morphologyEx(space.free.astype(np.uint8) | furniture, cv2.MORPH_CLOSE, disc)
+    core = cv2.erode(closed & (1 - wall), disc)
     trail = np.zeros_like(core)
     trail[space.index(path)] = 1
     trail = cv2.dilate(trail, disc)
@@ -41,6 +46,14 @@ def visited_space(space: FreeSpace, walls: list[PlanLine], path: Array) -> NDArr
     _, label, statistics, _ = cv2.connectedComponentsWithStats(beyond, connectivity=4)
     large = statistics[:, cv2.CC_STAT_AREA] * space.cell_area > POCKET
     return np.asarray(space.free & ((beyond == 0) | ~large[label]))
+
+
+def _draw(mask: NDArray[np.uint8], walls: list[PlanLine], space: FreeSpace) -> None:
+    """Sets the cells along the supported stretches of walls."""
+    for wall in walls:
+        ends = [wall.point(stretch) for stretch in wall.support]
+        pixels = [np.round((e - space.origin) / space.resolution - 0.5).astype(np.int32)[:, None] for e in ends]
+        cv2.polylines(mask, pixels, False, 1, 2)
 
 
 def _disc(radius: float, space: FreeSpace) -> NDArray[np.uint8]:

@@ -1,0 +1,268 @@
+"""Layouts of hand-made buildings with known truth; rays are cast here, by a few lines of their own."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+
+from recon.config import LayoutConfig
+from recon.geometry import Array
+from recon.graph.estimate import MapEstimate, WallLine
+from recon.layout.build import build_layout
+from recon.model import Layout
+from recon.sequence.sequence import Scans
+from recon.sequence.trajectory import Trajectory
+
+Point = tuple[float, float]
+BEAMS = 540
+
+
+def cast(segments: Array, poses: Array, reach: float, seed: int = 0) -> Scans:
+    """Scans (full turn, sigma 1 cm) of segments (S, 2, 2) from poses (N, 3)."""
+    rng = np.random.default_rng(seed)
+    bearings = -np.pi + 2 * np.pi / BEAMS * np.arange(BEAMS)
+    a, d = segments[:, 0], segments[:, 1] - segments[:, 0]
+    ranges = np.full((len(poses), BEAMS), np.inf)
+    for i, (x, y, yaw) in enumerate(poses):
+        ray = np.stack([np.cos(bearings + yaw), np.sin(bearings + yaw)], axis=1)
+        cross = ray[:, None, 0] * d[:, 1] - ray[:, None, 1] * d[:, 0]
+        to = a - (x, y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (to[:, 0] * d[:, 1] - to[:, 1] * d[:, 0]) / cross
+            s = (to[None, :, 0] * ray[:, None, 1] - to[None, :, 1] * ray[:, None, 0]) / cross
+        t = np.where((t > 0) & (s >= 0) & (s <= 1), t, np.inf).min(axis=1)
+        ranges[i] = np.where(t < reach, t + rng.normal(0, 0.01, BEAMS), np.inf)
+    times = np.arange(len(poses), dtype=np.float64) / 10
+    return Scans(times, ranges.astype(np.float32), -np.pi, 2 * np.pi / BEAMS, 0.1, reach)
+
+
+def line(start: Point, end: Point, *seen: Point, sigma: float = 0.004) -> WallLine:
+    """A wall line from start to end, free space on the left; seen: stretches in m from the start (default: all)."""
+    a, b = np.array(start, float), np.array(end, float)
+    length = float(np.linalg.norm(b - a))
+    middle, yaw = (a + b) / 2, np.arctan2(*(b - a)[::-1])
+    stretches = np.array(seen or [(0.0, length)]) - length / 2
+    return WallLine(np.array([*middle, yaw]), stretches, sigma, 0.001, "lidar", 50)
+
+
+def ring(*corners: Point) -> list[WallLine]:
+    return [line(a, b) for a, b in pairwise([*corners, corners[0]])]
+
+
+def drive(*points: Point, step: float = 0.2) -> Array:
+    """Poses (N, 3) along way points."""
+    parts = []
+    for a, b in pairwise(np.array(points, float)):
+        n = max(2, int(np.linalg.norm(b - a) / step))
+        parts.append(np.column_stack([np.linspace(a, b, n), np.full(n, np.arctan2(*(b - a)[::-1]))]))
+    return np.concatenate(parts)
+
+
+def estimated(walls: list[WallLine], poses: Array) -> MapEstimate:
+    times = np.arange(len(poses), dtype=np.float64) / 10
+    return MapEstimate(Trajectory(times, poses), np.full((len(poses), 3), 0.005), tuple(walls))
+
+
+def chain(*points: Point) -> list[tuple[Point, Point]]:
+    return list(pairwise(points))
+
+
+def layout_of(
+    solid: list[tuple[Point, Point]], walls: list[WallLine], poses: Array, reach: float = 12.0
+) -> tuple[Layout, Scans]:
+    scans = cast(np.array(solid, float), poses, reach)
+    return build_layout(estimated(walls, poses), scans, LayoutConfig()), scans
+
+
+def check_sound(layout: Layout, scans: Scans, poses: Array) -> None:
+    """What holds of every layout: simple, counter-clockwise, disjoint rooms; no wall where rays passed."""
+    polygons = [shapely.Polygon(room.polygon) for room in layout.rooms]
+    assert polygons
+    for polygon in polygons:
+        assert polygon.is_valid and polygon.exterior.is_ccw and polygon.area > 0.5
+    for i, a in enumerate(polygons):
+        assert all(a.intersection(b).area < 1e-6 for b in polygons[:i])
+    assert [wall.id for wall in layout.walls] == list(range(len(layout.walls)))
+    assert crossed_share(layout, scans, poses) < 0.01
+
+
+def crossed_share(layout: Layout, scans: Scans, poses: Array) -> float:
+    """Share of rays that go on for more than 20 cm behind a wall outside its openings."""
+    bearings = scans.bearings
+    count = crossed = 0
+    for i in range(0, len(scans), 5):
+        ok = np.isfinite(scans.ranges[i])
+        start = poses[i, :2]
+        step = scans.ranges[i][ok, None] * np.column_stack(
+            [np.cos(bearings[ok] + poses[i, 2]), np.sin(bearings[ok] + poses[i, 2])]
+        )
+        through = np.zeros(len(step), bool)
+        for wall in layout.walls:
+            toward, away = -(step @ wall.normal), float((start - wall.start) @ wall.normal)
+            if away <= 0:
+                continue
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t = np.where(toward > 0, away / toward, np.inf)
+                along = (start - wall.start) @ wall.direction + t * (step @ wall.direction)
+            t = np.where(np.isfinite(t), t, 2.0)
+            hit = (t < 1) & (along > 0.05) & (along < wall.length - 0.05) & (toward * (1 - t) > 0.2)
+            for opening in layout.openings:
+                if opening.wall == wall.id:
+                    low, high = sorted(float((p - wall.start) @ wall.direction) for p in (opening.start, opening.end))
+                    hit &= (along < low - 0.1) | (along > high + 0.1)
+            through |= hit
+        count, crossed = count + len(step), crossed + int(through.sum())
+    return crossed / count
+
+
+def corner_error(polygon: Array, truth: list[Point]) -> float:
+    """Largest distance between corners and their nearest true ones, both ways."""
+    d = np.linalg.norm(polygon[:, None] - np.array(truth)[None], axis=2)
+    return float(max(d.min(axis=0).max(), d.min(axis=1).max()))
+
+
+L_CORNERS = [(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (8.0, 8.0), (8.0, 2.0), (0.0, 2.0)]
+
+
+def corridor() -> tuple[Layout, Scans, Array]:
+    """An L-shaped corridor with a recessed door in two walls and one that fills most of the end wall."""
+    solid = chain((0, 0), (3, 0), (3, -0.08), (4, -0.08), (4, 0), (10, 0), (10, 8), (9.7, 8), (9.7, 8.07), (8.3, 8.07))
+    solid += chain((8.3, 8.07), (8.3, 8), (8, 8), (8, 2), (6, 2), (6, 2.1), (5.1, 2.1), (5.1, 2), (0, 2), (0, 0))
+    walls = [
+        line((0, 0), (10, 0), (0, 3), (4, 10)),
+        line((10, 0), (10, 8)),
+        line((10, 8), (8, 8), (0, 0.3), (1.7, 2)),
+        line((8, 8), (8, 2)),
+        line((8, 2), (0, 2), (0, 2), (2.9, 8)),
+        line((0, 2), (0, 0)),
+        line((3, -0.08), (4, -0.08)),
+        line((9.7, 8.07), (8.3, 8.07)),
+        line((6, 2.1), (5.1, 2.1)),
+    ]
+    poses = drive((1, 1), (9, 1), (9, 6.5))
+    layout, scans = layout_of(solid, walls, poses)
+    return layout, scans, poses
+
+
+def test_corridor_goes_on_through_its_recessed_doors() -> None:
+    layout, scans, poses = corridor()
+    check_sound(layout, scans, poses)
+    assert len(layout.walls) == 6 and all(wall.source == "lidar" for wall in layout.walls)
+    assert [room.name for room in layout.rooms] == ["corridor"]
+    assert corner_error(layout.rooms[0].polygon, L_CORNERS) < 0.01
+    assert all(0.003 < wall.sigma_offset < 0.01 for wall in layout.walls)
+    doors = sorted((o.type, *np.sort(np.round(np.concatenate([o.start, o.end]), 3))) for o in layout.openings)
+    assert len(doors) == 3 and all(door[0] == "door" for door in doors)
+    for start, end in (((3, 0), (4, 0)), ((9.7, 8), (8.3, 8)), ((6, 2), (5.1, 2))):
+        error = [np.abs(np.stack([o.start, o.end]) - np.array([start, end])).max() for o in layout.openings]
+        assert min(error) < 0.04
+
+
+def test_free_space_is_left_of_every_wall() -> None:
+    layout, _, _ = corridor()
+    inside = shapely.Polygon(L_CORNERS)
+    for wall in layout.walls:
+        middle = (wall.start + wall.end) / 2
+        assert inside.contains(shapely.Point(middle + 0.1 * wall.normal))
+        assert not inside.contains(shapely.Point(middle - 0.1 * wall.normal))
+
+
+def test_same_input_same_layout() -> None:
+    first, second = corridor()[0], corridor()[0]
+    assert repr(first) == repr(second)
+
+
+def test_two_rooms_joined_by_an_open_door() -> None:
+    left, right = [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)], [(4.15, -1.0), (8.0, -1.0), (8.0, 4.0), (4.15, 4.0)]
+    solid = chain((4, 1), (4, 0), (0, 0), (0, 3), (4, 3), (4, 1.9), (4.15, 1.9), (4.15, 4), (8, 4), (8, -1), (4.15, -1))
+    solid += chain((4.15, -1), (4.15, 1), (4, 1))
+    walls = [line((0, 0), (4, 0)), line((4, 0), (4, 3), (0, 1), (1.9, 3)), line((4, 3), (0, 3)), line((0, 3), (0, 0))]
+    walls += [line((4.15, -1), (8, -1)), line((8, -1), (8, 4)), line((8, 4), (4.15, 4))]
+    walls += [line((4.15, 4), (4.15, -1), (0, 2.1), (3, 5))]
+    poses = drive((1, 1.5), (7, 1.4), (7, 3))
+    layout, scans = layout_of(solid, walls, poses)
+    check_sound(layout, scans, poses)
+    assert len(layout.rooms) == 2
+    assert corner_error(layout.rooms[0].polygon, right) < 0.01 and corner_error(layout.rooms[1].polygon, left) < 0.01
+    assert len(layout.walls) == 8
+    assert len(layout.openings) == 2 and len({o.wall for o in layout.openings}) == 2
+    for opening in layout.openings:
+        assert opening.type == "door" and np.ptp([opening.start[1], opening.end[1]]) == pytest.approx(0.9, abs=0.11)
+        assert (opening.start[1] + opening.end[1]) / 2 == pytest.approx(1.45, abs=0.05)
+
+
+def test_walls_at_any_angle() -> None:
+    corners = [(0.0, 0.0), (6.0, 0.0), (7.0, 2.5), (4.0, 5.0), (-1.0, 3.0)]
+    poses = drive((1, 1), (5, 1.5), (4, 3))
+    layout, scans = layout_of(chain(*corners, corners[0]), ring(*corners), poses)
+    check_sound(layout, scans, poses)
+    assert len(layout.walls) == 5 and corner_error(layout.rooms[0].polygon, corners) < 0.01
+
+
+def test_end_out_of_range_is_closed_and_said_so() -> None:
+    """A corridor 20 m long, of which the scanner sees 8 m beyond the last pose."""
+    solid = chain((20, 0), (0, 0), (0, 2), (20, 2))
+    poses = drive((1, 1), (6, 1))
+    walls = [line((0, 0), (20, 0), (0, 13.9)), line((0, 2), (0, 0)), line((20, 2), (0, 2), (6.1, 20))]
+    layout, scans = layout_of(solid, walls, poses, reach=8.0)
+    check_sound(layout, scans, poses)
+    inferred = [wall for wall in layout.walls if wall.source == "inferred"]
+    assert len(layout.rooms) == 1 and inferred
+    assert all(wall.sigma_offset >= 0.3 and wall.observations == 0 for wall in inferred)
+    assert shapely.Polygon(layout.rooms[0].polygon).bounds == pytest.approx((0, 0, 14, 2), abs=0.25)
+    known = sum(wall.length for wall in layout.walls if wall.source == "lidar")
+    assert known == pytest.approx(2 + 2 * 13.9, abs=0.8)
+
+
+def test_furniture_makes_no_walls() -> None:
+    """A cupboard against a wall, a bin in a corner and a table leg: one plain room, and their footprints."""
+    corners = [(0.0, 0.0), (5.0, 0.0), (5.0, 4.0), (0.0, 4.0)]
+    solid = chain(*corners, corners[0]) + chain((2, 0), (2, 0.45), (3.1, 0.45), (3.1, 0))
+    solid += chain((4.5, 4), (4.5, 3.6), (5, 3.6)) + chain((2, 2.5), (2.1, 2.5), (2.1, 2.6), (2, 2.6), (2, 2.5))
+    walls = [
+        line((0, 0), (5, 0), (0, 1.95), (3.15, 5)),
+        line((5, 0), (5, 4), (0, 3.6)),
+        line((5, 4), (0, 4), (0.5, 5)),
+        line((0, 4), (0, 0)),
+        line((2, 0.45), (3.1, 0.45)),
+        line((4.5, 4), (4.5, 3.6)),
+        line((4.5, 3.6), (5, 3.6)),
+    ]
+    poses = drive((1, 1.5), (4, 1.5), (3.8, 2.8))
+    layout, scans = layout_of(solid, walls, poses)
+    check_sound(layout, scans, poses)
+    assert len(layout.walls) == 4 and corner_error(layout.rooms[0].polygon, corners) < 0.01
+    assert not layout.openings
+    boxes = [shapely.box(2, 0, 3.1, 0.45), shapely.box(4.5, 3.6, 5, 4), shapely.box(2, 2.5, 2.1, 2.6)]
+    assert len(layout.objects) == 3
+    for box in boxes:
+        assert min(box.hausdorff_distance(shapely.Polygon(o.footprint)) for o in layout.objects) < 0.5
+        assert any(shapely.Polygon(o.footprint).intersects(box) for o in layout.objects)
+
+
+def test_ring_corridor_gives_simple_rooms() -> None:
+    outer, inner = (
+        [(0.0, 0.0), (12.0, 0.0), (12.0, 9.0), (0.0, 9.0)],
+        [(2.0, 2.0), (2.0, 7.0), (10.0, 7.0), (10.0, 2.0)],
+    )
+    solid = chain(*outer, outer[0]) + chain(*inner, inner[0])
+    poses = drive((1, 1), (11, 1), (11, 8), (1, 8), (1, 1.5))
+    layout, scans = layout_of(solid, ring(*outer) + ring(*inner), poses)
+    check_sound(layout, scans, poses)
+    assert len(layout.walls) == 8
+    assert sum(shapely.Polygon(room.polygon).area for room in layout.rooms) == pytest.approx(12 * 9 - 8 * 5, rel=0.005)
+
+
+def test_lines_only_seen_by_images_close_the_outline() -> None:
+    """The paper's end wall: beyond the scanner's range, its foot seen in an image."""
+    solid = chain((14, 0), (0, 0), (0, 2), (14, 2))
+    end = line((14, 0), (14, 2))
+    end = WallLine(end.pose, end.intervals, 0.03, 0.01, "image", 4)
+    walls = [line((0, 0), (14, 0), (0, 12.9)), end, line((14, 2), (0, 2), (1.1, 14)), line((0, 2), (0, 0))]
+    poses = drive((1, 1), (5, 1))
+    layout, _ = layout_of(solid, walls, poses, reach=8.0)
+    assert corner_error(layout.rooms[0].polygon, [(0, 0), (14, 0), (14, 2), (0, 2)]) < 0.01
+    assert [wall.source for wall in layout.walls if abs(wall.direction[1]) > 0.9 and wall.start[0] > 7] == ["image"]

@@ -72,6 +72,6 @@ def fingerprint(sequence: Sequence) -> str:
         digest.update(sequence.platform_from_camera.matrix().tobytes())
     if sequence.images is not None:
         digest.update(sequence.images.timestamps.tobytes())
-        for name, path in zip(sequence.images.names, sequence.images.paths, strict=True):
-            digest.update(f"{name} {path.stat().st_size}".encode())
+        for i, name in enumerate(sequence.images.names):
+            digest.update(f"{name} {sequence.images.size(i)}".encode())
     return digest.hexdigest()

@@ -12,7 +12,7 @@ from recon.sequence.camera import Camera
 from recon.sequence.extrinsics import read_extrinsics
 from recon.sequence.images import check_image_sizes, read_image_list
 from recon.sequence.intrinsics import read_camera
-from recon.sequence.scans import read_scans_npz
+from recon.sequence.scans import read_scans_npz, say_blind
 from recon.sequence.scans_csv import read_scans_csv
 from recon.sequence.sequence import ImageList, Scans, Sequence
 from recon.sequence.trajectory import Trajectory
@@ -43,9 +43,7 @@ def _read_scans(path: Path, warnings: list[str]) -> Scans:
     if not npz.exists() and not csv.exists():
         raise InputError(f"{path}: holds neither scans.npz nor scans.csv, expected a sequence folder")
     scans = read_scans_npz(npz) if npz.exists() else read_scans_csv(csv)
-    blind = sum(not scans.valid(i).any() for i in range(len(scans)))
-    if blind:
-        warnings.append(f"{blind} of {len(scans)} scans have no valid return")
+    say_blind(scans, warnings)
     return scans
 
 

@@ -86,12 +86,12 @@ def load_image(
     A corrupt or truncated image adds one line to `warnings` (the log when None is given), not twice the same. Raises
     InputError for an image that is gone or has another size than camera.yaml says.
     """
-    path = images.paths[index]
+    path = images.place(index)
     try:
-        data = path.read_bytes()
+        data = images.read(index)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    image, reason = _decode(data, grey)
+    image, reason = _decode(data, grey) if isinstance(data, bytes) else (_converted(data, grey), "")
     if image is None:
         message = f"{images.names[index]}: skipped, the image is corrupt ({reason})"
         if warnings is None:
@@ -150,6 +150,13 @@ def _decode(data: bytes, grey: bool) -> tuple[Image | None, str]:
         pixels = np.repeat(pixels[:, :, None], 3, axis=2)
     picture = np.ascontiguousarray(pixels)
     return (np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8) if grey else picture), ""
+
+
+def _converted(pixels: Image, grey: bool) -> Image:
+    """Pixels, BGR or grey, as BGR, or grey."""
+    if (pixels.ndim == 2) == grey:
+        return pixels
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY if grey else cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
 def _decode_jpeg(data: bytes, grey: bool) -> tuple[Image | None, str]:

@@ -84,6 +84,13 @@ def checked_scans(path: Path, scans: Scans) -> Scans:
     return scans
 
 
+def say_blind(scans: Scans, warnings: list[str]) -> None:
+    """Says how many scans have no valid return."""
+    blind = sum(not scans.valid(i).any() for i in range(len(scans)))
+    if blind:
+        warnings.append(f"{blind} of {len(scans)} scans have no valid return")
+
+
 def _check_bearings(path: Path, scans: Scans) -> None:
     beams, step = scans.ranges.shape[1], scans.angle_increment
     if step == 0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,19 +52,45 @@ class Scans:
         return np.stack([r * np.cos(a), r * np.sin(a)], axis=1)
 
 
+class ImageSource(Protocol):
+    """Images that are no files of their own, as in a log; may be asked from several threads."""
+
+    def read(self, index: int) -> bytes | NDArray[np.uint8]:
+        """What a JPEG or PNG file of image `index` holds, or its pixels: BGR (H, W, 3) or grey (H, W)."""
+        ...
+
+    def size(self, index: int) -> int:
+        """Bytes that image `index` takes in the log."""
+        ...
+
+
 @dataclass(frozen=True)
 class ImageList:
     """Images of one camera, read when asked for.
 
-    timestamps (N,) s, increasing; paths: absolute, one an image; names: as in images.txt.
+    timestamps (N,) s, increasing; paths: absolute, one an image, none where they come from a `source`; names: as in
+    images.txt, of a source those that its images would have there.
     """
 
     timestamps: Array
     paths: tuple[Path, ...]
     names: tuple[str, ...]
+    source: ImageSource | None = None
 
     def __len__(self) -> int:
-        return len(self.paths)
+        return len(self.names)
+
+    def read(self, index: int) -> bytes | NDArray[np.uint8]:
+        """What the file of image `index` holds, or its pixels: BGR (H, W, 3) or grey (H, W). Raises OSError."""
+        return self.paths[index].read_bytes() if self.source is None else self.source.read(index)
+
+    def size(self, index: int) -> int:
+        """Bytes that image `index` takes."""
+        return self.paths[index].stat().st_size if self.source is None else self.source.size(index)
+
+    def place(self, index: int) -> Path:
+        """Where image `index` is, for messages."""
+        return self.paths[index] if self.source is None else Path(self.names[index])
 
 
 @dataclass(frozen=True)

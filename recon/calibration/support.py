@@ -126,29 +126,35 @@ def _support(
     """(len(frames), 2): pixels of projected foot that image lines explain (MSAC weights), and pixels projected."""
     out = np.zeros((len(frames), 2))
     foot = np.empty((2, 2))
+    near = np.empty((len(lines), 5))  # of lines along the foot: start x, y, direction x, y, length
     for row in range(len(frames)):
         f = frames[row]
         for m in range(segment_offsets[f], segment_offsets[f + 1]):
             if not _project(segments[m, 0], segments[m, 1], rotation, centre, k, size, foot):
                 continue
             dx, dy = foot[1, 0] - foot[0, 0], foot[1, 1] - foot[0, 1]
-            length = np.hypot(dx, dy)
+            length = np.sqrt(dx * dx + dy * dy)
             if length < SAMPLE_STEP:
                 continue
-            n = int(length / SAMPLE_STEP) + 1
             dx, dy = dx / length, dy / length
+            count = 0
+            for b in range(line_offsets[f], line_offsets[f + 1]):
+                ex, ey = lines[b, 1, 0] - lines[b, 0, 0], lines[b, 1, 1] - lines[b, 0, 1]
+                e = np.sqrt(ex * ex + ey * ey)
+                if abs(dx * ey - dy * ex) <= MAX_SINE * e:
+                    near[count] = lines[b, 0, 0], lines[b, 0, 1], ex / e, ey / e, e
+                    count += 1
+            n = int(length / SAMPLE_STEP) + 1
             for i in range(n):
                 s = (i + 0.5) / n * length
                 x, y = foot[0, 0] + s * dx, foot[0, 1] + s * dy
                 best = 0.0
-                for b in range(line_offsets[f], line_offsets[f + 1]):
-                    lx, ly = lines[b, 0, 0], lines[b, 0, 1]
-                    ex, ey = lines[b, 1, 0] - lx, lines[b, 1, 1] - ly
-                    e = np.hypot(ex, ey)
-                    across = ((x - lx) * ey - (y - ly) * ex) / e
-                    if abs(across) >= tolerance or abs(dx * ey - dy * ex) > MAX_SINE * e:
+                for c in range(count):
+                    px, py, ex, ey, e = near[c]
+                    across = (x - px) * ey - (y - py) * ex
+                    if abs(across) >= tolerance:
                         continue
-                    along = ((x - lx) * ex + (y - ly) * ey) / e
+                    along = (x - px) * ex + (y - py) * ey
                     if -tolerance <= along <= e + tolerance:
                         best = max(best, 1.0 - (across / tolerance) ** 2)
                 out[row, 0] += best * length / n

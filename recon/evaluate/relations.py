@@ -1,0 +1,100 @@
+"""Errors of relative poses (Kuemmerle et al., "On measuring the accuracy of SLAM algorithms", Auton. Robots, 2009)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.errors import InputError
+from recon.geometry import Array, between2, compose2, wrap_angle
+from recon.sequence.groundtruth import Relations
+from recon.sequence.trajectory import Trajectory
+
+AT_END = 1e-3
+"""s: stamps this little outside the trajectory are still read."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Mean and standard deviation of errors and of their squares."""
+
+    mean: float
+    deviation: float
+    squared_mean: float
+    squared_deviation: float
+
+    @staticmethod
+    def of(errors: Array) -> Spread:
+        """Of errors (K,), K > 0."""
+        squared = errors**2
+        return Spread(float(errors.mean()), float(errors.std()), float(squared.mean()), float(squared.std()))
+
+
+@dataclass(frozen=True)
+class RelationErrors:
+    """translation (m, squares m^2) and rotation (deg, squares deg^2) over the relations `used`.
+
+    `left_out`: relations with a stamp outside the trajectory.
+    """
+
+    translation: Spread
+    rotation: Spread
+    used: int
+    left_out: int
+
+
+def relation_errors(trajectory: Trajectory, relations: Relations, odometry: Trajectory | None = None) -> RelationErrors:
+    """Errors |trans(delta_est (-) delta_true)| and |rot(...)| of `trajectory` (poses at the scans) against `relations`.
+
+    A stamp between two scans is read along the odometry between them, where it is given. Raises InputError when no
+    relation lies within the trajectory.
+    """
+    translation, rotation, inside = relation_residuals(trajectory, relations, odometry)
+    if not inside.any():
+        raise InputError(
+            f"groundtruth/relations.txt: none of its {len(inside)} relations lies within the trajectory's "
+            f"{trajectory.timestamps[0]:.3f} to {trajectory.timestamps[-1]:.3f} s"
+        )
+    used = int(inside.sum())
+    return RelationErrors(
+        Spread.of(translation[inside]), Spread.of(np.degrees(rotation[inside])), used, len(inside) - used
+    )
+
+
+def relation_residuals(
+    trajectory: Trajectory, relations: Relations, odometry: Trajectory | None = None
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Translational (m) and rotational (rad) error of every relation (K,), and whether the trajectory holds it."""
+    low, high = trajectory.timestamps[0] - AT_END, trajectory.timestamps[-1] + AT_END
+    first, second = relations.first, relations.second
+    inside = (np.minimum(first, second) >= low) & (np.maximum(first, second) <= high)
+    estimate = between2(poses_at(trajectory, first, odometry), poses_at(trajectory, second, odometry))
+    error = between2(relations.first_from_second, estimate)
+    return np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2])), inside
+
+
+def poses_at(trajectory: Trajectory, times: Array, odometry: Trajectory | None = None) -> Array:
+    """Poses (M, 3) at `times` (M,) s, held at the ends.
+
+    Between two poses the way is the odometry's, what it misses the later pose by being spread evenly over the gap; a
+    straight line where the odometry does not cover the gap.
+    """
+    straight = trajectory.at(times)
+    if odometry is None or len(trajectory) < 2 or len(odometry) < 2:
+        return straight
+    stamps = trajectory.timestamps
+    before = np.clip(np.searchsorted(stamps, times, side="right") - 1, 0, len(stamps) - 2)
+    start, end = stamps[before], stamps[before + 1]
+    there = odometry.at(times)
+    forward = compose2(trajectory.poses[before], between2(odometry.at(start), there))
+    backward = compose2(trajectory.poses[before + 1], between2(odometry.at(end), there))
+    part = ((times - start) / (end - start))[:, None]
+    miss = backward - forward
+    miss[:, 2] = wrap_angle(miss[:, 2])
+    along = forward + part * miss
+    along[:, 2] = wrap_angle(along[:, 2])
+    covered = (start >= odometry.timestamps[0] - AT_END) & (end <= odometry.timestamps[-1] + AT_END)
+    covered &= (times >= start) & (times <= end)
+    return np.where(covered[:, None], along, straight)

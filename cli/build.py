@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recon.cli.options import PATH, configuration, examples, resolve_config, verbosity, warn
+from recon.cli.options import PATH, configuration, examples, resolve_config, topic_choice, verbosity, warn
 
 if TYPE_CHECKING:
     from recon.config import Config
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     epilog=examples(
         "recon build drive/ -o model.usd",
         "recon build drive/ -o model.glb -o plan.dxf -o plan.svg",
+        "recon build drive.bag -o model.usd --scan-topic /front/scan",
         "recon build drive/ --work result.recon --config site.toml --seed 7",
     ),
 )
@@ -33,32 +34,38 @@ if TYPE_CHECKING:
     help="File to write, the suffix says the format; may be repeated.",
 )
 @click.option("--work", type=PATH, help="Result folder (default: the first output with the suffix .recon).")
+@topic_choice
 @configuration
 @verbosity
 def build(
     sequence: Path,
     outputs: tuple[Path, ...],
     work: Path | None,
+    scan_topic: str | None,
+    image_topic: str | None,
+    camera_info_topic: str | None,
+    odom_topic: str | None,
     config_file: Path | None,
     seed: int | None,
     workers: int | None,
     quiet: bool,
 ) -> None:
-    """Builds a textured model of the building from the SEQUENCE folder.
+    """Builds a textured model of the building from a SEQUENCE: a folder, a ROS bag or a CARMEN log.
 
     Writes every OUTPUT and, beside the first, a result folder with the layout, trajectories, calibration, labels,
     textures and a report, from which other formats can be exported later.
     """
     from recon.cli.outputs import work_folder
     from recon.exporters import check_outputs
-    from recon.sequence.folder import read_sequence
+    from recon.sequence.open import open_sequence
+    from recon.sequence.topics import Topics
 
     if not outputs and work is None:
         raise click.UsageError("Give an output with -o (for example -o model.usd), or a result folder with --work.")
     config = resolve_config(config_file, seed, workers)
     check_outputs(list(outputs))
     folder = work_folder(outputs, work)
-    drive = read_sequence(sequence)
+    drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))
     for message in drive.warnings:
         warn(message, quiet)
     _build(drive, config, folder, outputs, quiet)

@@ -12,6 +12,7 @@ import click
 
 from recon import __version__
 from recon.cli.build import build
+from recon.cli.convert import convert
 from recon.cli.evaluate import evaluate
 from recon.cli.export import export
 from recon.cli.inspect import inspect
@@ -27,7 +28,7 @@ BAD_INPUT, INTERRUPTED, TERMINATED = 2, 130, 143
     epilog=examples(
         "recon build drive/ -o model.usd            textured model, and model.recon/ beside it",
         "recon export model.recon/ -o plan.dxf      another format, nothing computed twice",
-        "recon inspect drive/                       what a sequence folder holds",
+        "recon inspect drive.bag                    what a sequence folder, ROS bag or CARMEN log holds",
     ),
 )
 @click.version_option(__version__, prog_name="recon")
@@ -35,7 +36,7 @@ def recon() -> None:
     """Offline indoor 3D reconstruction from a camera and a 2D LiDAR."""
 
 
-for _command in (build, export, evaluate, inspect, simulate):
+for _command in (build, convert, export, evaluate, inspect, simulate):
     recon.add_command(_command)
 
 

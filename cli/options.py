@@ -46,6 +46,18 @@ def configuration(command: F) -> F:
     return command
 
 
+def topic_choice(command: F) -> F:
+    """Adds --scan-topic, --image-topic, --camera-info-topic and --odom-topic, for ROS bags."""
+    for option in (
+        click.option("--odom-topic", help="Odometry of a ROS bag; none leaves it out."),
+        click.option("--camera-info-topic", help="Intrinsics of a ROS bag's images."),
+        click.option("--image-topic", help="Images of a ROS bag; none leaves them out."),
+        click.option("--scan-topic", help="Laser scans of a ROS bag (default: the topic with the most messages)."),
+    ):
+        command = option(command)
+    return command
+
+
 def resolve_config(config_file: Path | None, seed: int | None, workers: int | None) -> Config:
     """Defaults, then the file, then what the command line says."""
     from recon.config import Config

@@ -16,7 +16,7 @@ from recon.sequence.rosbag_storage import DamagedBagError, Storage, Topic, open_
 from recon.sequence.scans import checked_scans, say_blind
 from recon.sequence.sequence import ImageList, Scans, Sequence
 from recon.sequence.stamps import increasing, on_one_clock
-from recon.sequence.text import plural
+from recon.sequence.text import drive_name, plural
 from recon.sequence.tf import TransformTree
 from recon.sequence.topics import NONE, Topics
 from recon.sequence.trajectory import Trajectory
@@ -72,7 +72,7 @@ class _Bag:
         images = None if camera is None else self._images(collected, scans, ahead)
         extrinsics = None if camera is None or images is None else platform.camera(camera.frame, self.warnings)
         intrinsics = None if camera is None or images is None else camera.camera
-        name = self.path.resolve().name.split(".")[0]
+        name = drive_name(self.path)
         return Sequence(name, scans, intrinsics, images, trajectory, extrinsics, tuple(self.warnings))
 
     def _topic(self, types: tuple[str, ...], option: str, named: str | None) -> Topic | None:

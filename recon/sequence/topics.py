@@ -10,12 +10,18 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Topics:
-    """Names of topics; None: found by type. `image` and `odometry` may be `none`."""
+    """Names of topics, with or without the first slash; None: found by type. `image` and `odometry` may be `none`."""
 
     scan: str | None = None
     image: str | None = None
     camera_info: str | None = None
     odometry: str | None = None
+
+    def __post_init__(self) -> None:
+        for field in ("scan", "image", "camera_info", "odometry"):
+            name = getattr(self, field)
+            if name is not None and name != NONE and not name.startswith("/"):
+                object.__setattr__(self, field, f"/{name}")
 
     @property
     def named(self) -> bool:

@@ -190,7 +190,7 @@ def test_two_rooms_joined_by_an_open_door() -> None:
     assert len(layout.walls) == 8
     assert len(layout.openings) == 2 and len({o.wall for o in layout.openings}) == 2
     for opening in layout.openings:
-        assert opening.type == "door" and np.ptp([opening.start[1], opening.end[1]]) == pytest.approx(0.9, abs=0.11)
+        assert opening.type == "passage" and np.ptp([opening.start[1], opening.end[1]]) == pytest.approx(0.9, abs=0.11)
         assert (opening.start[1] + opening.end[1]) / 2 == pytest.approx(1.45, abs=0.05)
 
 

@@ -68,7 +68,7 @@ def _walls_and_rooms(
     walls: list[Wall] = []
     for region, outline in zip(found, outlines, strict=True):
         for side in [side for ring in outline for side in ring] + spurs(cells, region, parting, spans, lines):
-            walls += walls_of(side, lines, len(walls))
+            walls += walls_of(side, lines, space, len(walls))
     return walls, _rooms(outlines)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
 from recon.layout.recess import DEPTH, WIDTH
 from recon.layout.returns import Returns
@@ -16,30 +17,38 @@ MIN_RETURNS = 3
 """Returns in a bin before it says anything."""
 BRIDGED = 3
 """Bins without a say within an opening."""
-LONGEST_DOOR = 1.4
+LONGEST_LEAF = 1.4
 LONGEST_PASSAGE = 3.0
 """m; a wider gap is no opening in a wall."""
 BESIDE = 0.10
 """m before and behind a wall where free space says that rays went through it."""
+LEAF_SECTOR = np.radians(6.0)
+LEAF_SHARE = 0.7
+"""Share of a leaf's width, from its hinge, that returns in one sector show."""
 TOP = 2.0
 """m, of openings whose head nothing has measured."""
 
+Stretch = tuple[OpeningType, float, float]
+
 
 def find_openings(walls: list[Wall], returns: Returns, space: FreeSpace) -> list[Opening]:
-    """Recessed leaves (returns a little behind a wall) and gaps (rays through it) as openings, in order of walls."""
+    """Recessed leaves (returns a little behind a wall) and gaps (rays through it) as openings, in order of walls.
+
+    Inferred walls have no leaves, but rays through them are openings in them too. A gap is a door if its open leaf
+    stands at one of its ends, else a passage.
+    """
     out: list[Opening] = []
     for wall in walls:
-        if wall.source == "inferred" or wall.length < WIDTH[0]:
+        if wall.length < WIDTH[0]:
             continue
-        leaves = [(*found, False) for found in _leaves(wall, returns)]
-        gaps = [(*found, True) for found in _gaps(wall, returns, space)]
-        for kind, low, high, gap in leaves + gaps:
+        found = [] if wall.source == "inferred" else _leaves(wall, returns)
+        for kind, low, high in found + _gaps(wall, returns, space):
             start, end = wall.start + low * wall.direction, wall.start + high * wall.direction
-            out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP, gap and kind == "door"))
+            out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP))
     return out
 
 
-def _leaves(wall: Wall, returns: Returns) -> list[tuple[OpeningType, float, float]]:
+def _leaves(wall: Wall, returns: Returns) -> list[Stretch]:
     """Stretches along the wall where rays from before it end behind it at a leaf's depth."""
     along, across, starts = returns.beside(wall, DEPTH[1])
     before = (starts - wall.start) @ wall.normal > 0
@@ -50,7 +59,7 @@ def _leaves(wall: Wall, returns: Returns) -> list[tuple[OpeningType, float, floa
     votes = np.stack([np.bincount(bins[behind == b], minlength=count) for b in (False, True)])
     recessed = (votes[1] >= MIN_RETURNS) & (votes[1] > votes[0])
     known = votes.sum(axis=0) >= MIN_RETURNS
-    out: list[tuple[OpeningType, float, float]] = []
+    out: list[Stretch] = []
     for a, b in _runs(recessed, known):
         here = behind & (along >= (a - 1) * BIN) & (along <= (b + 1) * BIN)
         low, high = np.quantile(along[here], [0.01, 0.99])
@@ -59,7 +68,7 @@ def _leaves(wall: Wall, returns: Returns) -> list[tuple[OpeningType, float, floa
     return out
 
 
-def _gaps(wall: Wall, returns: Returns, space: FreeSpace) -> list[tuple[OpeningType, float, float]]:
+def _gaps(wall: Wall, returns: Returns, space: FreeSpace) -> list[Stretch]:
     """Stretches along the wall that rays went through."""
     count = max(1, int(np.ceil(wall.length / BIN)))
     middle = (np.arange(count) + 0.5) * BIN
@@ -70,12 +79,38 @@ def _gaps(wall: Wall, returns: Returns, space: FreeSpace) -> list[tuple[OpeningT
     bins = np.minimum((along[np.abs(across) < DEPTH[0]] / BIN).astype(np.int64), count - 1)
     solid = np.bincount(bins, minlength=count) >= MIN_RETURNS
     open_ = through & ~solid
-    out: list[tuple[OpeningType, float, float]] = []
+    out: list[Stretch] = []
     for a, b in _runs(open_, open_ | solid):
-        low, high = a * BIN, b * BIN
-        if WIDTH[0] <= high - low <= LONGEST_PASSAGE and _has_jambs(a, b, open_, open_ | solid):
-            out.append(("door" if high - low <= LONGEST_DOOR else "passage", low, high))
+        low, high = a * BIN, min(b * BIN, wall.length)
+        known = open_ | solid
+        if WIDTH[0] <= high - low <= LONGEST_PASSAGE and (wall.source == "inferred" or _has_jambs(a, b, open_, known)):
+            ends = wall.start + low * wall.direction, wall.start + high * wall.direction
+            is_door = high - low <= LONGEST_LEAF and _has_leaf(ends, returns)
+            out.append(("door" if is_door else "passage", low, high))
     return out
+
+
+def _has_leaf(ends: tuple[Array, Array], returns: Returns) -> bool:
+    """Whether returns make a straight leaf, as wide as the gap, from one of its ends, not along the wall.
+
+    What goes on straight beyond a leaf's width is a wall.
+    """
+    width = float(np.linalg.norm(ends[1] - ends[0]))
+    for hinge, other in (ends, ends[::-1]):
+        offset = returns.around(hinge, 1.6 * width) - hinge
+        distance = np.linalg.norm(offset, axis=1)
+        along = (other - hinge) / width
+        turn = np.arctan2(along[0] * offset[:, 1] - along[1] * offset[:, 0], offset @ along)
+        aside = np.abs(np.sin(turn)) > np.sin(np.radians(20.0))
+        sector = np.round((turn[aside] + np.pi) / LEAF_SECTOR).astype(np.int64)
+        step = np.floor(distance[aside] / BIN).astype(np.int64)
+        filled = np.zeros((int(2 * np.pi / LEAF_SECTOR) + 2, int(1.6 * width / BIN) + 1), np.bool_)
+        filled[sector, step] = True
+        leaf = filled[:, int(0.2 * width / BIN) : int(0.9 * width / BIN)].mean(axis=1)
+        beyond = filled[:, int(1.15 * width / BIN) : int(1.5 * width / BIN)].mean(axis=1)
+        if np.any((leaf >= LEAF_SHARE) & (beyond < 1 - LEAF_SHARE)):
+            return True
+    return False
 
 
 def _runs(flag: NDArray[np.bool_], known: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -11,15 +11,18 @@ from scipy.spatial import cKDTree
 
 from recon.geometry import Array
 from recon.layout.cells import Cells
+from recon.layout.evidence import FreeSpace
 from recon.layout.frontier import SIGMA_ANGLE, SIGMA_OFFSET
 from recon.layout.line import PlanLine, clip, total, union
-from recon.layout.rooms import Region
+from recon.layout.rooms import PASSAGE, Region
 from recon.model import Wall
 
 HIDDEN = 3.0
 """m, a wall goes on between two supported stretches that are no further apart (doors, furniture)."""
 CORNER = 1.0
 """m, a wall goes on from its supported stretch to a corner that is no further away."""
+THROUGH = 0.7
+"""Share of a passage at the end of a wall that rays must have passed."""
 SHORTEST_SUPPORT = 0.2
 SHORTEST_SPUR = 1.3
 """m, a thin wall with the same room on both sides; shorter ones only join others."""
@@ -91,8 +94,11 @@ def _touches(side: Side, ends: Array) -> bool:
     return all(bool(np.any(np.linalg.norm(ends - end, axis=1) < JOINED)) for end in (side.start, side.end))
 
 
-def walls_of(side: Side, lines: list[PlanLine], first_id: int) -> list[Wall]:
-    """A side as walls in order: where its line is supported (doors and corners bridged), and inferred ones between."""
+def walls_of(side: Side, lines: list[PlanLine], space: FreeSpace, first_id: int) -> list[Wall]:
+    """A side as walls in order: where its line is supported (doors and corners bridged), and inferred ones between.
+
+    At its end a wall goes on over a passage to the corner.
+    """
     if side.line < 0:
         return [Wall(first_id, side.start, side.end, SIGMA_OFFSET, SIGMA_ANGLE, "inferred", 0)]
     line = lines[side.line]
@@ -104,13 +110,21 @@ def walls_of(side: Side, lines: list[PlanLine], first_id: int) -> list[Wall]:
         known = clip(line.support, low, high)
     known = known[:0] if total(known) < min(SHORTEST_SUPPORT, 0.5 * (high - low)) else union(known, HIDDEN)
     if len(known):
-        known[0, 0] = low if known[0, 0] - low <= CORNER else known[0, 0]
-        known[-1, 1] = high if high - known[-1, 1] <= CORNER else known[-1, 1]
+        known[0, 0] = low if _goes_on(line, low, known[0, 0], space) else known[0, 0]
+        known[-1, 1] = high if _goes_on(line, known[-1, 1], high, space) else known[-1, 1]
     breaks = np.unique(np.concatenate([[low, high], known.ravel()]))
     pieces = [(p, q, bool(np.any((known[:, 0] <= p) & (q <= known[:, 1])))) for p, q in pairwise(breaks)]
     if a > b:
         pieces = [(q, p, known_) for p, q, known_ in reversed(pieces)]
     return [_wall(first_id + i, side, line, a, b, *piece) for i, piece in enumerate(pieces)]
+
+
+def _goes_on(line: PlanLine, low: float, high: float, space: FreeSpace) -> bool:
+    """Whether a wall without support from `low` to `high` goes on there: briefly, or with rays through it."""
+    if high - low <= CORNER:
+        return True
+    through = space.is_free(line.point(np.arange(low, high, space.resolution)))
+    return high - low <= PASSAGE and float(through.mean()) > THROUGH
 
 
 def _wall(id_: int, side: Side, line: PlanLine, a: float, b: float, p: float, q: float, known: bool) -> Wall:

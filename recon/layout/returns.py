@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.model import Wall
@@ -26,15 +27,25 @@ class Returns:
         """Positions along a wall and across (to its left), and starts, of returns within `depth` < `TILE` m of it."""
         steps = np.linspace(0.0, wall.length, int(wall.length / TILE * 2) + 2)
         foot = wall.start + steps[:, None] * wall.direction
-        around = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
-        tiles = np.floor((foot - self._low) / TILE).astype(np.int64)[:, None] + around
-        tiles = tiles.reshape(-1, 2)
-        tiles = tiles[(tiles >= 0).all(axis=1) & (tiles[:, 0] < self._columns)]
-        keys = np.unique(tiles[:, 1] * self._columns + tiles[:, 0])
-        first, last = np.searchsorted(self._key, keys), np.searchsorted(self._key, keys, side="right")
-        parts = [np.arange(a, b) for a, b in zip(first, last, strict=True) if b > a]
-        index = np.concatenate(parts) if parts else np.zeros(0, np.int64)
+        index = self._near(foot)
         offset = self._ends[index] - wall.start
         along, across = offset @ wall.direction, offset @ wall.normal
         near = (along >= 0) & (along < wall.length) & (np.abs(across) <= depth)
         return along[near], across[near], self._starts[index[near]]
+
+    def around(self, point: Array, radius: float) -> Array:
+        """Returns (N, 2) within `radius` of a point (2,), m."""
+        steps = np.arange(-radius, radius + TILE, TILE)
+        grid = point + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        ends = self._ends[self._near(grid)]
+        return np.asarray(ends[np.linalg.norm(ends - point, axis=1) <= radius])
+
+    def _near(self, points: Array) -> NDArray[np.int64]:
+        """Indices of the returns in the tiles of points (P, 2) and the tiles around these."""
+        around = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
+        tiles = (np.floor((points - self._low) / TILE).astype(np.int64)[:, None] + around).reshape(-1, 2)
+        tiles = tiles[(tiles >= 0).all(axis=1) & (tiles[:, 0] < self._columns)]
+        keys = np.unique(tiles[:, 1] * self._columns + tiles[:, 0])
+        first, last = np.searchsorted(self._key, keys), np.searchsorted(self._key, keys, side="right")
+        parts = [np.arange(a, b) for a, b in zip(first, last, strict=True) if b > a]
+        return np.concatenate(parts) if parts else np.zeros(0, np.int64)

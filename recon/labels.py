@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from recon.faces import extrude
 from recon.geometry import Array, Pose3
-from recon.model import Face, Layout
+from recon.model import Face, FloorObject, Layout
+from recon.prisms import prism
 from recon.raycast import RayScene
 from recon.sequence.camera import Camera
 
@@ -30,19 +31,21 @@ SMALLEST_WRITTEN = 12.0
 class LabelRenderer:
     """Labels of many images of one camera in one model."""
 
-    def __init__(self, faces: tuple[Face, ...], camera: Camera, scene: RayScene | None = None) -> None:
-        """faces: as `extrude` gives them; scene: of the same faces, made here when None."""
-        self._scene = RayScene(faces) if scene is None else scene
+    def __init__(self, faces: tuple[Face, ...], camera: Camera, objects: tuple[FloorObject, ...] = ()) -> None:
+        """faces: as `extrude` gives them; objects: the layout's, shown as prisms where their height is known."""
+        prisms = tuple(prism(o.footprint, o.bottom, o.top, o.id) for o in objects if o.top is not None)
+        self._scene = RayScene(faces + prisms)
         self._rays = camera.rays()
-        self._values = np.array([_value(face) for face in faces] + [UNLABELLED], dtype=np.uint16)
-        self._normals = np.array([face.normal for face in faces] + [np.zeros(3)])
+        self._values = np.array([*map(_value, faces), *[OBJECT] * len(prisms), UNLABELLED], dtype=np.uint16)
+        # A prism has many normals and is never seen from behind; what no ray meets has none.
+        self._normals = np.array([*(face.normal for face in faces), *np.zeros((len(prisms) + 1, 3))])
         self._rows = _ticks(camera.height)
         self._columns = _ticks(camera.width)
 
     def render(self, map_from_camera: Pose3) -> Labels:
         """Labels (height, width) of the raw image taken there: lens distortion included.
 
-        0 where a ray meets nothing or the back of a surface, 1 floor, 2 ceiling, 10 + k wall k.
+        0 where a ray meets nothing or the back of a surface, 1 floor, 2 ceiling, 3 object, 10 + k wall k.
         """
         nodes = self._cast(self._rays[np.ix_(self._rows, self._columns)], map_from_camera)
         same = (nodes[:-1, :-1] == nodes[1:, :-1]) & (nodes[:-1, 1:] == nodes[1:, 1:])
@@ -62,7 +65,7 @@ class LabelRenderer:
 
 def render_labels(layout: Layout, camera: Camera, map_from_camera: Pose3) -> Labels:
     """Labels (height, width) of one raw image, as `LabelRenderer.render`, which is faster for many."""
-    return LabelRenderer(extrude(layout), camera).render(map_from_camera)
+    return LabelRenderer(extrude(layout), camera, layout.objects).render(map_from_camera)
 
 
 def draw_labels(image: NDArray[np.uint8], labels: Labels) -> NDArray[np.uint8]:

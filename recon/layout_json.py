@@ -31,7 +31,7 @@ def layout_to_json(layout: Layout) -> dict[str, Any]:
         "walls": [_wall_to_json(w) for w in layout.walls],
         "rooms": [_room_to_json(r) for r in layout.rooms],
         "openings": [_opening_to_json(o) for o in layout.openings],
-        "objects": [{"id": o.id, "footprint": _points(o.footprint)} for o in layout.objects],
+        "objects": [_object_to_json(o) for o in layout.objects],
     }
 
 
@@ -90,6 +90,13 @@ def _opening_to_json(opening: Opening) -> dict[str, Any]:
     extent = {"start": start, "end": end, "bottom": _rounded(opening.bottom), "top": _rounded(opening.top)}
     more = {"open": True} if opening.open else {}
     return {"id": int(opening.id), "type": opening.type, "wall": int(opening.wall), **extent, **more}
+
+
+def _object_to_json(thing: FloorObject) -> dict[str, Any]:
+    out: dict[str, Any] = {"id": int(thing.id), "footprint": _points(thing.footprint)}
+    if thing.top is not None:
+        out |= {"bottom": _rounded(thing.bottom), "top": _rounded(thing.top)}
+    return out
 
 
 def _check_ids(layout: Layout, where: str) -> None:
@@ -202,4 +209,9 @@ class _Reader:
 
     def object(self, value: Any, place: str) -> FloorObject:
         data = self.mapping(value, place)
-        return FloorObject(self.integer(data, "id", place), self.polygon(data.get("footprint"), f"{place}.footprint"))
+        return FloorObject(
+            id=self.integer(data, "id", place),
+            footprint=self.polygon(data.get("footprint"), f"{place}.footprint"),
+            bottom=self.number(data, "bottom", place, 0.0),
+            top=self.optional(data, "top", place),
+        )

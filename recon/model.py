@@ -85,10 +85,15 @@ class Opening:
 
 @dataclass(frozen=True)
 class FloorObject:
-    """Something that stands on the floor and is no wall: footprint polygon (n, 2), m, map frame."""
+    """Something that stands in a room and is no wall: footprint polygon (n, 2), m, map frame.
+
+    bottom, top: m above the floor; `top` is None where no image shows how high it is.
+    """
 
     id: int
     footprint: Array
+    bottom: float = 0.0
+    top: float | None = None
 
 
 @dataclass(frozen=True)

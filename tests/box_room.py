@@ -34,7 +34,29 @@ def solid(points: Array) -> Array:
     return np.asarray(125 + np.sin(points @ waves.T + [0.3, 1.1, 2.0, 0.7, 1.9]) @ mix)
 
 
-def photograph(camera: Camera, pose: Pose3, gain: Array | float = 1.0) -> NDArray[np.uint8]:
+@dataclass(frozen=True)
+class Block:
+    """Something in the room: the box between two corners (3,), with a solid texture of its own."""
+
+    low: Array
+    high: Array
+
+    def reach(self, origin: Array, rays: Array) -> Array:
+        """Where rays (n, 3) from origin (3,) enter it, in units of the ray; inf where they do not."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = (self.low - origin) / rays, (self.high - origin) / rays
+        near, far = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+        return np.where((near < far) & (near > 0), near, np.inf)
+
+    def footprint(self) -> Array:
+        """Counter-clockwise corners (4, 2)."""
+        (x0, y0), (x1, y1) = self.low[:2], self.high[:2]
+        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+
+
+def photograph(
+    camera: Camera, pose: Pose3, gain: Array | float = 1.0, blocks: tuple[Block, ...] = ()
+) -> NDArray[np.uint8]:
     """What the raw camera sees: 2 x 2 rays a pixel, averaged; gain (3,) or one for all channels."""
     total = np.zeros((camera.height, camera.width, 3))
     x, y = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
@@ -43,8 +65,14 @@ def photograph(camera: Camera, pose: Pose3, gain: Array | float = 1.0) -> NDArra
         rays = np.column_stack([camera.undistort(pixels), np.ones(len(pixels))]) @ pose.rotation.T
         with np.errstate(divide="ignore"):
             reach = np.where(rays > 0, SIZE - pose.translation, pose.translation) / np.abs(rays)
-        hit = pose.translation + reach.min(axis=1)[:, None] * rays
-        total += solid(hit).reshape(total.shape) / 4
+        nearest = reach.min(axis=1)
+        colour = solid(pose.translation + nearest[:, None] * rays)
+        for block in blocks:
+            entry = block.reach(pose.translation, rays)
+            hit = pose.translation + np.where(np.isfinite(entry), entry, 0)[:, None] * rays
+            colour = np.where((entry < nearest)[:, None], 255 - solid(hit[:, [1, 2, 0]] + 0.4), colour)
+            nearest = np.minimum(entry, nearest)
+        total += colour.reshape(total.shape) / 4
     return np.clip(np.round(total * gain), 0, 255).astype(np.uint8)
 
 

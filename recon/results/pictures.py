@@ -26,7 +26,7 @@ def write_overlays(build: Build, folder: Path) -> None:
     (folder / "labels").mkdir()
     (folder / "overlays").mkdir()
     chosen = {posed[i] for i in np.linspace(0, len(posed) - 1, min(OVERLAYS, len(posed))).astype(int)}
-    renderer = LabelRenderer(build.model.faces, camera)
+    renderer = LabelRenderer(build.model.faces, camera, build.model.layout.objects)
     for i in posed:
         pose = build.map_from_camera[i]
         assert pose is not None

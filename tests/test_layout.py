@@ -266,3 +266,21 @@ def test_lines_only_seen_by_images_close_the_outline() -> None:
     layout, _ = layout_of(solid, walls, poses, reach=8.0)
     assert corner_error(layout.rooms[0].polygon, [(0, 0), (14, 0), (14, 2), (0, 2)]) < 0.01
     assert [wall.source for wall in layout.walls if abs(wall.direction[1]) > 0.9 and wall.start[0] > 7] == ["image"]
+
+
+def test_without_walls_the_seen_space_is_closed() -> None:
+    """Round room: no straight wall at all, and then no return at all."""
+    angle = np.linspace(0, 2 * np.pi, 61)
+    circle = [(float(3 * np.cos(a)), float(3 * np.sin(a))) for a in angle]
+    poses = drive((-1, 0), (1, 0))
+    layout, scans = layout_of(chain(*circle), [], poses)
+    check_sound(layout, scans, poses)
+    assert shapely.Polygon(layout.rooms[0].polygon).area == pytest.approx(9 * np.pi, rel=0.15)
+    assert all(wall.source == "inferred" for wall in layout.walls)
+    nothing = Scans(
+        scans.timestamps, np.full_like(scans.ranges, np.inf), scans.angle_min, scans.angle_increment, 0.1, 9
+    )
+    blind = build_layout(estimated([], poses), nothing, LayoutConfig())
+    for room in blind.rooms:  # at most the strip that the platform stood on
+        assert shapely.Polygon(room.polygon).area < 2.0
+    assert all(wall.source == "inferred" for wall in blind.walls) and not blind.openings and not blind.objects

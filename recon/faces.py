@@ -23,9 +23,9 @@ def extrude(layout: Layout) -> tuple[Face, ...]:
     """Faces without textures, map frame: one a wall (by order in the layout), then floor and ceiling of every room.
 
     Triangles are counter-clockwise seen from the free space. A wall's picture is what a viewer who faces it sees: u
-    runs from its end (on the left) to its start, v up. Passages and open doors are holes in their wall; closed doors and windows are not. In
-    the picture of a floor or ceiling u runs along the narrowest enclosing rectangle. uv covers [0, 1] x [0, 1] and is
-    proportional to metres. Walls are as high as the ceiling of the room that they face.
+    runs from its end (on the left) to its start, v up. Passages and open doors are holes in their wall; closed doors
+    and windows are not. In the picture of a floor or ceiling u runs along the narrowest enclosing rectangle. uv covers
+    [0, 1] x [0, 1] and is proportional to metres. Walls are as high as the ceiling of the room that they face.
     """
     walls = (_wall_face(layout, wall) for wall in layout.walls if wall.length > SMALLEST)
     flats = (_flat_face(layout, room, kind) for room in layout.rooms for kind in ("floor", "ceiling"))

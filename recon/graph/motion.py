@@ -49,15 +49,20 @@ def information_beyond_walls(motion: Motion, observations: WallObservations, lab
     the match's information is the identity, eigenvalues that become negative are clipped. What stays is what corners,
     clutter and curved surfaces say: the way along a corridor, mostly.
     """
-    total = np.linalg.inv(motion.covariance)
+    total = np.asarray(np.linalg.inv(motion.covariance), dtype=np.float64)
     of_walls = np.zeros_like(total)
     rows = _seen_before(observations, labels)
     np.add.at(of_walls, observations.pose[rows] - 1, _segment_information(motion, observations, rows))
+    return remaining_information(total, of_walls)
+
+
+def remaining_information(total: Array, part: Array) -> Array:
+    """(..., 3, 3) what is left of the information `total` of a match without `part`, never less than LEAST of it."""
     root = np.linalg.cholesky(total)
     inverse = np.linalg.inv(root)
-    values, vectors = np.linalg.eigh(np.eye(3) - inverse @ of_walls @ inverse.transpose(0, 2, 1))
-    kept = (vectors * np.clip(values, LEAST, 1.0)[:, None]) @ vectors.transpose(0, 2, 1)
-    return np.asarray(root @ kept @ root.transpose(0, 2, 1))
+    values, vectors = np.linalg.eigh(np.eye(3) - inverse @ part @ np.swapaxes(inverse, -1, -2))
+    kept = (vectors * np.clip(values, LEAST, 1.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return np.asarray(root @ kept @ np.swapaxes(root, -1, -2))
 
 
 def _seen_before(observations: WallObservations, labels: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -50,13 +50,15 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
             source: Source = "lidar" if scans[number] >= need else "image"
             seen = int(scans[number] + images[number])
             walls.append(
-                _wall(solution.walls[number], rest[3 * number + 1 :, 3 * number + 1 :][:2, :2], intervals, source, seen)
+                wall_line(
+                    solution.walls[number], rest[3 * number + 1 :, 3 * number + 1 :][:2, :2], intervals, source, seen
+                )
             )
     scale = None if problem.odometry is None else problem.odometry.scale
     return MapEstimate(
         Trajectory(np.asarray(timestamps, dtype=np.float64), poses),
         pose_sigmas(solution),
-        tuple(w for w in walls if not _shadowed(w, walls)),
+        unshadowed(walls),
         scale,
         residuals(problem, solution),
     )
@@ -72,7 +74,7 @@ def _intervals(observations: WallObservations, rows: Ints, poses: Array, wall: A
     return supported(Difference.between(lines, line).along[:, 0], lines.half, some.image, LEAST_SIGHTINGS)
 
 
-def _wall(pose: Array, covariance: Array, intervals: Array, source: Source, seen: int) -> WallLine:
+def wall_line(pose: Array, covariance: Array, intervals: Array, source: Source, seen: int) -> WallLine:
     """The wall with its origin in the middle of its stretches."""
     middle = (intervals[0, 0] + intervals[-1, 1]) / 2
     x, y, yaw = pose
@@ -103,6 +105,11 @@ def residuals(problem: Problem, solution: Solution) -> dict[str, float]:
     for name, motion in motions.items():
         kinds[name] = (motion_residuals(motion.relative, motion.covariance, solution.poses), 3)
     return {name: float(np.sqrt(np.mean(d) / dof)) for name, (d, dof) in kinds.items() if len(d)}
+
+
+def unshadowed(walls: list[WallLine]) -> tuple[WallLine, ...]:
+    """Without walls that are another's echo."""
+    return tuple(w for w in walls if not _shadowed(w, walls))
 
 
 def _shadowed(wall: WallLine, walls: list[WallLine]) -> bool:

@@ -22,17 +22,20 @@ from recon.config import Config
 from recon.faces import extrude
 from recon.geometry import Array, Pose3, between2
 from recon.graph.boundary import boundary_observations
+from recon.graph.ekf import solve_filter
 from recon.graph.estimate import MapEstimate
 from recon.graph.motion import Motion
 from recon.graph.observation import WallObservations
 from recon.graph.solve import solve_graph
 from recon.layout.build import build_layout
 from recon.layout.heights import measure_ceiling
+from recon.layout_json import layout_from_json, layout_to_json
 from recon.lidar.matching import ScanMatching, match_scans
 from recon.lidar.noise import with_noise
 from recon.lidar.segment import Segments
 from recon.lidar.split_and_merge import extract_segments
 from recon.model import Layout, Model
+from recon.prisms import measure_objects
 from recon.progress import SILENT, Progress, Stage
 from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
@@ -91,6 +94,7 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT) -> Bu
         if sequence.camera is not None and calibration is not None:
             height, sigma = measure_ceiling(layout, lines, poses, sequence.camera)
             layout = replace(layout, ceiling_height=height, sigma_ceiling=sigma)
+        layout = layout_from_json(layout_to_json(layout), "layout.json")  # its decimals: exports made later are equal
     model = _model(sequence, layout, poses, config, run)
     return Build(
         sequence,
@@ -183,8 +187,8 @@ def _estimate(
     config: Config,
     run: _Run,
 ) -> MapEstimate:
-    """Platform poses and wall lines from one factor graph."""
-    with run.stage("factor graph"):
+    """Platform poses and wall lines from one factor graph, or from the paper's filter."""
+    with run.stage("factor graph" if config.graph.backend == "graph" else "filter"):
         observations = [_wall_observations(segments)]
         if calibration is not None and sequence.images is not None and sequence.camera is not None:
             times, camera = sequence.images.timestamps, sequence.camera
@@ -192,10 +196,9 @@ def _estimate(
                 boundary_observations(lines, times, camera, calibration, sequence.scans, matching.trajectory)
             )
         poses = matching.trajectory.poses
-        motion = Motion(between2(poses[:-1], poses[1:]), matching.covariances)
-        estimate = solve_graph(
-            matching.trajectory, motion, WallObservations.concatenate(observations), sequence.odometry, config.graph
-        )
+        motion = Motion(between2(poses[:-1], poses[1:]), matching.scan_covariances)
+        given = matching.trajectory, motion, WallObservations.concatenate(observations), matching.odometry
+        estimate = solve_filter(*given) if config.graph.backend == "ekf" else solve_graph(*given, config.graph)
     run.counts["wall lines"] = len(estimate.walls)
     return estimate
 
@@ -240,6 +243,8 @@ def _model(sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], 
         def load(index: int) -> NDArray[np.uint8] | None:
             return load_image(images, index, camera, warnings=run.warnings)
 
+        with run.stage("objects"):
+            layout = replace(layout, objects=measure_objects(layout, faces, camera, poses, load))
         with run.stage("texture"):
             faces = texture_faces(faces, camera, poses, load, config.texture, config.workers)
     notes = []

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from recon.calibration.refine import Refinement, refine
+from recon.calibration.refine import Refinement
 from recon.calibration.result import Calibration
 from recon.calibration.rransac import RecursiveRansac
-from recon.calibration.search import MIN_FOOT, MIN_FRACTION, REFINEMENT, PoseSearch, distinct
+from recon.calibration.search import MIN_FOOT, MIN_FRACTION, PoseSearch, distinct
 from recon.calibration.support import CalibrationFrames, support
 from recon.config import CalibrationConfig
 from recon.geometry import Array, Pose3
@@ -62,10 +62,10 @@ def check_given(frames: CalibrationFrames, camera: Camera, vertical: tuple[Array
             f"extrinsics.yaml: the camera's vertical is {tilt:.1f} deg off the vertical lines in the images; "
             "the given value is used, leave the file out to have it estimated"
         )
-    tolerances = (4 * tolerance, 2 * tolerance, *(tolerance * f for f in REFINEMENT))
-    refined = refine(frames, camera, given, vertical, tolerances)
-    if refined is not None:
-        warnings += _disagreement(given, refined)
+    search = PoseSearch(frames, camera, vertical, tolerance)
+    found = search.around(given, None)
+    if found is not None:
+        warnings += _disagreement(given, search.lowest_plane(found).refined)
     covariance = np.diag([GIVEN_SIGMA[0]] * 3 + [GIVEN_SIGMA[1]] * 3) ** 2
     images, fraction = _consensus(frames, support(frames, camera, given, tolerance))
     return Calibration(given, covariance, "given", images, fraction, tuple(warnings))

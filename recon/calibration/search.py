@@ -15,8 +15,9 @@ from recon.sequence.camera import Camera
 REFINEMENT = (1.0, 1.0, 0.7, 0.5, 0.5, 0.5)  # of the tolerance
 MAX_ROUNDS = 3
 MAX_STARTS = 3
-LOWER_PLANE_RANGE = (0.02, 0.15)  # m, of a baseboard's upper edge above the floor
-LOWER_PLANE_SUPPORT = 0.5  # of the best plane's evidence
+NEXT_PLANE, LOWEST_PLANE = 0.02, 1.3  # m below the plane found (a baseboard's edge, a chair rail) to look for the floor
+PLANE_PEAK, PLANE_EVIDENCE = 0.3, 0.5  # of the score and the evidence of the plane found
+PLANE_FRACTION = 0.72  # of the share of projected feet that the plane found explains
 MIN_FOOT = 80.0  # pixels of foot in an image before it counts
 MIN_FRACTION = 0.4  # of the feet in an image that lines must explain: the paper's inlier threshold
 
@@ -80,22 +81,29 @@ class PoseSearch:
         return best
 
     def lowest_plane(self, found: Found) -> Found:
-        """What was found, or a higher camera where lines support a plane just below.
+        """What was found, or a higher camera where lines support a plane below.
 
-        A baseboard's upper edge runs parallel to the wall's foot all around the building and explains the LiDAR as
-        well; the floor is the lowest plane that lines support.
+        A baseboard's upper edge or a chair rail runs parallel to the wall's foot all around the building and explains
+        the LiDAR as well as the foot; the floor is the lowest plane that lines support. A border on the floor supports
+        only some walls (the scale that suits near ones does not suit far ones), so less of what is projected.
         """
         pose, offset = found.refined.platform_from_camera, found.refined.foot_offset
-        lower = np.arange(0.0, LOWER_PLANE_RANGE[1] + 0.015, 0.01)
+        lower = np.arange(0.0, LOWEST_PLANE + 0.015, 0.01)
         poses = [Pose3(pose.rotation, pose.translation + np.array([0.0, 0.0, z])) for z in lower]
         counts = (support(self._frames, self._camera, p, self._tolerance, None, offset) for p in poses)
         values = np.array([score(c) for c in counts])
-        peak = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:]) & (lower[1:-1] > LOWER_PLANE_RANGE[0])
-        for i in np.flatnonzero(peak)[::-1] + 1:
+        peak = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:]) & (lower[1:-1] > NEXT_PLANE)
+        for i in np.flatnonzero(peak & (values[1:-1] > PLANE_PEAK * values[:3].max()))[::-1] + 1:
             candidate = self.refine(poses[i])
-            if candidate is not None and candidate.evidence > LOWER_PLANE_SUPPORT * found.evidence:
+            if candidate is not None and self._is_floor(candidate, found):
                 return candidate
         return found
+
+    def _is_floor(self, candidate: Found, found: Found) -> bool:
+        """Whether a plane below has enough evidence and explains enough of what it projects."""
+        mine, theirs = (self.counts(f.refined).sum(axis=0) for f in (candidate, found))
+        enough = candidate.evidence > PLANE_EVIDENCE * found.evidence
+        return bool(enough and mine[0] / mine[1] > PLANE_FRACTION * theirs[0] / theirs[1])
 
     def _best(self, poses: list[Pose3], best: Found | None) -> Found | None:
         for pose in poses:

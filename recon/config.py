@@ -34,8 +34,12 @@ class CalibrationConfig:
 
 @dataclass(frozen=True)
 class GraphConfig:
-    """Factor graph. manhattan: use right angles between walls where the data support them."""
+    """Poses and walls. backend: "graph", all at once, or "ekf", the paper's filter, to compare with.
 
+    manhattan: use right angles between walls where the data support them (graph only).
+    """
+
+    backend: Literal["graph", "ekf"] = "graph"
     manhattan: bool = True
 
 

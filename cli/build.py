@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 )
 @click.option("--work", type=PATH, help="Result folder (default: the first output with the suffix .recon).")
 @topic_choice
+@click.option("--backend", type=click.Choice(["graph", "ekf"]), help="Factor graph (default), or the paper's filter.")
 @configuration
 @verbosity
 def build(
@@ -45,6 +47,7 @@ def build(
     image_topic: str | None,
     camera_info_topic: str | None,
     odom_topic: str | None,
+    backend: Literal["graph", "ekf"] | None,
     config_file: Path | None,
     seed: int | None,
     workers: int | None,
@@ -63,6 +66,8 @@ def build(
     if not outputs and work is None:
         raise click.UsageError("Give an output with -o (for example -o model.usd), or a result folder with --work.")
     config = resolve_config(config_file, seed, workers)
+    if backend is not None:
+        config = replace(config, graph=replace(config.graph, backend=backend))
     check_outputs(list(outputs))
     folder = work_folder(outputs, work)
     drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))

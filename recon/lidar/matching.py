@@ -49,6 +49,10 @@ LARGEST_WINDOW = (2.0, np.pi)
 """m, rad: bounds of the search."""
 FLOOR = (0.001, 0.0003)
 """m, rad: standard deviations of a relative motion that always stay."""
+RECOVERY = (1.0, np.radians(60.0))
+"""m, rad: standard deviations that replace the prediction where nothing lies near it (clocks and wheels do slip)."""
+RECOVERED_OVERLAP = 0.6
+"""Share of a scan's points on the map from which a place far from the prediction is believed."""
 UNKNOWN = (10.0, 3.0)
 """m, rad: standard deviations of what scans alone do not tell."""
 
@@ -142,7 +146,9 @@ class _Matcher:
         cloud, prior = self._cloud(k), compose2(before, motion.mean)
         turn = _turn(before[2])
         found = _locate(cloud, self._keyframes.map, prior, turn @ np.diag(sigma**-2) @ turn.T, sigma, self._noise)
-        failed = found.overlap < MIN_OVERLAP or found.matched < MIN_MATCHED
+        if _is_lost(found):
+            found = _recover(cloud, self._keyframes.map, prior, self._noise) or found
+        failed = _is_lost(found)
         self._failed[k], self._poses[k] = failed, prior if failed else found.pose
         scan = np.zeros((3, 3)) if failed else found.information
         self._note(k, motion, sigma, scan)
@@ -185,6 +191,19 @@ def _locate(cloud: Cloud, local: LocalMap, prior: Array, information: Array, sig
     other = align(cloud, local, guess, prior, information, KERNEL, noise)
     gain = other.overlap - PRIOR_WEIGHT * _surprise(other.pose, prior, information)
     return other if gain > found.overlap - PRIOR_WEIGHT * _surprise(found.pose, prior, information) else found
+
+
+def _is_lost(found: Alignment) -> bool:
+    return found.overlap < MIN_OVERLAP or found.matched < MIN_MATCHED
+
+
+def _recover(cloud: Cloud, local: LocalMap, prior: Array, noise: float) -> Alignment | None:
+    """The best place far around a prediction that turned out wrong, None where the scan does not clearly lie on it."""
+    information = np.diag(np.array(RECOVERY)[[0, 0, 1]] ** -2.0)
+    window = np.array(RECOVERY)
+    guess = search(cloud, local, prior, information, window)
+    found = align(cloud, local, guess, guess, information, KERNEL, noise)
+    return found if found.overlap >= RECOVERED_OVERLAP and not _is_lost(found) else None
 
 
 def _surprise(pose: Array, prior: Array, information: Array) -> float:

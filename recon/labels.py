@@ -45,7 +45,7 @@ class LabelRenderer:
     def render(self, map_from_camera: Pose3) -> Labels:
         """Labels (height, width) of the raw image taken there: lens distortion included.
 
-        0 where a ray meets nothing or the back of a surface, 1 floor, 2 ceiling, 3 object, 10 + k wall k.
+        0 where a ray meets no surface from its front, 1 floor, 2 ceiling, 3 object, 10 + k wall k.
         """
         nodes = self._cast(self._rays[np.ix_(self._rows, self._columns)], map_from_camera)
         same = (nodes[:-1, :-1] == nodes[1:, :-1]) & (nodes[:-1, 1:] == nodes[1:, 1:])
@@ -58,9 +58,8 @@ class LabelRenderer:
 
     def _cast(self, rays: Array, map_from_camera: Pose3) -> Labels:
         directions = rays @ map_from_camera.rotation.T
-        _, face = self._scene.cast(map_from_camera.translation, directions)
-        behind = np.einsum("...i,...i->...", self._normals[face], directions) > 0
-        return np.asarray(np.where(behind, UNLABELLED, self._values[face]), dtype=np.uint16)
+        _, face = self._scene.cast_front(map_from_camera.translation, directions)
+        return np.asarray(self._values[face], dtype=np.uint16)
 
 
 def render_labels(layout: Layout, camera: Camera, map_from_camera: Pose3) -> Labels:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,35 +12,68 @@ from recon.geometry import Array
 from recon.model import Face
 from recon.open3d import load_open3d
 
+SPREAD = 2e-4
+"""m that faces move into the free space before them, so that of two back to back the one that faces a ray is first."""
+MOST_BACKS = 16
+"""Faces that a ray passes from behind."""
+
 
 class RayScene:
     """Triangles of faces, asked by rays (Open3D's RaycastingScene, Embree)."""
 
     def __init__(self, faces: tuple[Face, ...]) -> None:
-        o3d = load_open3d()
-        self._o3d = o3d
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        vertices, triangles, owner, offset = [], [], [], 0
-        for i, face in enumerate(faces):
-            vertices.append(face.vertices)
-            triangles.append(face.triangles + offset)
-            owner.append(np.full(len(face.triangles), i))
-            offset += len(face.vertices)
-        self._owner = np.concatenate(owner) if owner else np.zeros(0, np.int64)
-        if owner:
-            self._scene.add_triangles(
-                o3d.core.Tensor(np.concatenate(vertices).astype(np.float32)),
-                o3d.core.Tensor(np.concatenate(triangles).astype(np.uint32)),
-            )
+        self._o3d = load_open3d()
+        self._faces = faces
+        self._owner = np.repeat(np.arange(len(faces)), [len(face.triangles) for face in faces])
+        self._scene = self._triangles([face.vertices for face in faces])
 
     def cast(self, origins: Array, directions: Array) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Distance in units of |direction| (inf: none) and index of the face hit (-1: none).
 
         origins: (3,) or (..., 3); directions: (..., 3). Both results have the shape (...).
         """
+        return self._cast(self._scene, origins, directions)
+
+    def cast_front(self, origins: Array, directions: Array) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """As `cast`, but faces that are met from behind let rays pass: for a viewer they are not there."""
+        t, face = self.cast(origins, directions)
+        starts = np.broadcast_to(origins, directions.shape)
+        passed = np.zeros(t.shape)
+        for _ in range(MOST_BACKS):
+            behind = np.einsum("...i,...i->...", self._normals[face], directions) > 0
+            if not behind.any():
+                break
+            rays, way = directions[behind], passed[behind]
+            reach, face[behind] = self._cast(self._spread, starts[behind] + way[:, None] * rays, rays)
+            t[behind] = way + reach
+            passed[behind] = t[behind] + 0.5 * SPREAD / np.linalg.norm(rays, axis=1)
+        return t, face
+
+    @cached_property
+    def _normals(self) -> Array:
+        """Normal of every face, and of no face (-1)."""
+        return np.array([face.normal for face in self._faces] + [np.zeros(3)])
+
+    @cached_property
+    def _spread(self) -> Any:
+        """The same scene with faces moved along their normals."""
+        return self._triangles([f.vertices + SPREAD * n for f, n in zip(self._faces, self._normals, strict=False)])
+
+    def _triangles(self, vertices: list[Array]) -> Any:
+        scene = self._o3d.t.geometry.RaycastingScene(nthreads=1)
+        if vertices:
+            offsets = np.cumsum([0] + [len(part) for part in vertices[:-1]])
+            triangles = [face.triangles + offset for face, offset in zip(self._faces, offsets, strict=True)]
+            scene.add_triangles(
+                self._o3d.core.Tensor(np.concatenate(vertices).astype(np.float32)),
+                self._o3d.core.Tensor(np.concatenate(triangles).astype(np.uint32)),
+            )
+        return scene
+
+    def _cast(self, scene: Any, origins: Array, directions: Array) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         d = np.asarray(directions, dtype=np.float32)
         rays = np.concatenate([np.broadcast_to(np.asarray(origins, np.float32), d.shape), d], axis=-1)
-        hit = self._scene.cast_rays(self._o3d.core.Tensor(np.ascontiguousarray(rays)))
+        hit = scene.cast_rays(self._o3d.core.Tensor(np.ascontiguousarray(rays)))
         t, prim = hit["t_hit"].numpy(), hit["primitive_ids"].numpy()
         face = np.full(t.shape, -1, np.int64)
         ok = np.isfinite(t)

@@ -68,6 +68,22 @@ def test_open_space_and_backs_of_walls_are_unlabelled() -> None:
     assert set(np.unique(render_labels(Layout((), ()), WIDE, camera_at(0, 0, 0)))) == {UNLABELLED}
 
 
+def test_one_sees_through_walls_from_behind() -> None:
+    """Faces towards the camera count, also where another lies in the same plane, back to back."""
+    away = Wall(0, np.array([2.0, 1.0]), np.array([2.0, -1.0]), 0.01, 0.001, "lidar", 3)
+    same_plane = Wall(1, np.array([2.0, -1.0]), np.array([2.0, 0.0]), 0.01, 0.001, "lidar", 3)
+    beyond = Wall(2, np.array([3.0, -3.0]), np.array([3.0, 3.0]), 0.01, 0.001, "lidar", 3)
+    pose = camera_at(0.0, 0.0, 0.0)
+    seen = render_labels(Layout((away, same_plane, beyond), (), ceiling_height=2.4), WIDE, pose)
+    alone = render_labels(Layout((same_plane, beyond), (), ceiling_height=2.4), WIDE, pose)
+    assert np.array_equal(seen, alone)
+    assert {FIRST_WALL + 1, FIRST_WALL + 2} <= set(np.unique(seen))
+    faces = extrude(Layout((away, beyond), (), ceiling_height=2.4))
+    reach, face = RayScene(faces).cast_front(np.zeros(3), np.array([[1.0, 0, 0.3], [1.0, 0.1, 0.3], [-1.0, 0, 0]]))
+    assert reach[:2] == pytest.approx(3.0, abs=1e-3) and np.isinf(reach[2])
+    assert face.tolist() == [1, 1, -1]
+
+
 def test_a_narrow_wall_between_grid_points_is_exact_at_its_edges() -> None:
     """Rays are cast on a grid first: edges must be as if every pixel had been cast."""
     polygon = np.array([[0, 0], [6, 0], [6, 2], [3, 2], [3, 3], [0, 3]], dtype=np.float64)

@@ -31,21 +31,40 @@ TOP = 2.0
 Stretch = tuple[OpeningType, float, float]
 
 
-def find_openings(walls: list[Wall], returns: Returns, space: FreeSpace) -> list[Opening]:
+def find_openings(walls: list[Wall], returns: Returns, space: FreeSpace, path: Array) -> list[Opening]:
     """Recessed leaves (returns a little behind a wall) and gaps (rays through it) as openings, in order of walls.
 
     Inferred walls have no leaves, but rays through them are openings in them too. A gap is a door if its open leaf
-    stands at one of its ends, else a passage.
+    stands at one of its ends, else a passage. path: (N, 2) m, where the platform drove: doors there are open.
     """
     out: list[Opening] = []
     for wall in walls:
         if wall.length < WIDTH[0]:
             continue
-        found = [] if wall.source == "inferred" else _leaves(wall, returns)
-        for kind, low, high in found + _gaps(wall, returns, space):
+        gaps = _gaps(wall, returns, space)
+        leaves = [] if wall.source == "inferred" else _leaves(wall, returns)
+        leaves = [leaf for leaf in leaves if not any(_overlap(leaf, gap) for gap in gaps)]
+        driven = _crossings(wall, path)
+        for kind, low, high in leaves + gaps:
             start, end = wall.start + low * wall.direction, wall.start + high * wall.direction
-            out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP))
+            is_open = (kind, low, high) in gaps or bool(np.any((driven > low) & (driven < high)))
+            out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP, is_open and kind == "door"))
     return out
+
+
+def _overlap(one: Stretch, other: Stretch) -> bool:
+    """Whether two stretches share half of the shorter one."""
+    shared = min(one[2], other[2]) - max(one[1], other[1])
+    return shared > 0.5 * min(one[2] - one[1], other[2] - other[1])
+
+
+def _crossings(wall: Wall, path: Array) -> Array:
+    """Where along the wall (m) the platform drove through it."""
+    across = (path - wall.start) @ wall.normal
+    along = (path - wall.start) @ wall.direction
+    k = np.flatnonzero(across[:-1] * across[1:] < 0)
+    part = across[k] / (across[k] - across[k + 1])
+    return np.asarray(along[k] + part * (along[k + 1] - along[k]))
 
 
 def _leaves(wall: Wall, returns: Returns) -> list[Stretch]:

@@ -21,6 +21,7 @@ from recon.graph.merge import merge_labels
 from recon.graph.motion import Motion, remaining_information
 from recon.graph.observation import WallObservations
 from recon.graph.odometry import OdometryModel, fit_odometry
+from recon.graph.optimise import EXPECTED
 from recon.graph.result import unshadowed
 from recon.sequence.trajectory import Trajectory
 
@@ -35,6 +36,8 @@ PATIENCE = 50
 MAX_WALLS = 1000
 """Walls in the state; of more, those not seen for longest are given up as they are, since the cost of a scan grows
 with the square of their number."""
+LEAST_REDUNDANCY = 20
+"""Fewer residuals than this say nothing about how good the segments are."""
 
 
 def solve_filter(
@@ -45,10 +48,14 @@ def solve_filter(
 ) -> MapEstimate:
     """Poses at every scan and wall lines from an extended Kalman filter; arguments and result as `solve_graph`.
 
-    The poses and their standard deviations are the filter's at each scan, the walls' are those after the last one.
+    The poses and their standard deviations are the filter's at each scan, the walls' are those after the last one; the
+    odometry's scale is taken as known. A first pass finds out how good the segments are, as the graph's first solution
+    does; the second one counts.
     """
     model = fit_odometry(odometry, trajectory, motion) if odometry is not None and len(motion) else None
-    return _Filter(trajectory, motion, observations, model).run()
+    first = _Filter(trajectory, motion, observations, model, (1.0, 1.0))
+    first.run()
+    return _Filter(trajectory, motion, observations, model, first.variance_factors()).run()
 
 
 @dataclass(frozen=True)
@@ -82,19 +89,25 @@ class _Filter:
     """One pass over the scans."""
 
     def __init__(
-        self, trajectory: Trajectory, motion: Motion, observations: WallObservations, odometry: OdometryModel | None
+        self,
+        trajectory: Trajectory,
+        motion: Motion,
+        observations: WallObservations,
+        odometry: OdometryModel | None,
+        variance: tuple[float, float],
     ) -> None:
         self._timestamps, self._motion, self._odometry = trajectory.timestamps, motion, odometry
         segments = Lines.of_observations(observations, np.zeros((len(trajectory), 3)))
-        self._segments = replace(segments, covariance=segments.covariance + flatness(segments))
         self._image = observations.image >= 0
+        factor = np.where(self._image, variance[1], variance[0])[:, None, None]
+        self._segments = replace(segments, covariance=factor * (segments.covariance + flatness(segments)))
         order = np.argsort(observations.pose, kind="stable")
         cuts = np.searchsorted(observations.pose[order], np.arange(1, len(trajectory)))
         self._rows = np.split(order, cuts)
         self._state, self._walls = FilterState(trajectory.poses[0]), FilterWalls(observations)
         self._poses, self._sigmas = np.zeros((len(trajectory), 3)), np.zeros((len(trajectory), 3))
         self._given_up: list[WallLine] = []
-        self._squared: dict[str, list[float]] = {"lidar": [], "image": []}
+        self._residuals = np.zeros((len(observations), 2))  # squared, and what it should be
 
     def run(self) -> MapEstimate:
         for scan, rows in enumerate(self._rows):
@@ -111,8 +124,23 @@ class _Filter:
             self._sigmas,
             unshadowed(walls),
             None if self._odometry is None else self._odometry.scale,
-            {kind: float(np.sqrt(np.mean(squared) / 2)) for kind, squared in self._squared.items() if squared},
+            {kind: float(np.sqrt(np.mean(r[:, 0] / 2))) for kind, r in self._fused().items() if len(r)},
         )
+
+    def variance_factors(self) -> tuple[float, float]:
+        """How much larger squared errors of LiDAR and of image segments are than expected, robust by clipping."""
+        factors = []
+        for residuals in self._fused().values():
+            factor, expected = 1.0, float(residuals[:, 1].sum())
+            for _ in range(10 if expected > LEAST_REDUNDANCY else 0):  # the clip moves with the factor
+                factor *= float(np.minimum(residuals[:, 0] / factor, 9.0).sum()) * 2 / EXPECTED / expected
+            factors.append(float(np.clip(factor, 0.02, 100.0)))
+        return factors[0], factors[1]
+
+    def _fused(self) -> dict[str, Array]:
+        """Squared residuals and what they should be (n, 2) of the segments that were fused, by kind."""
+        fused = self._residuals[:, 1] > 0
+        return {"lidar": self._residuals[fused & ~self._image], "image": self._residuals[fused & self._image]}
 
     def _step(self, scan: int, rows: Ints) -> None:
         """Predict, associate, fuse, start new walls."""
@@ -122,9 +150,8 @@ class _Filter:
             labels, offset = self._predict(scan, segments)
         old = np.flatnonzero(labels != NONE)
         if len(old) or offset.any():
-            squared = state.update(Pairing.of_segments(segments[old], labels[old]), offset)
-            for image, kind in ((False, "lidar"), (True, "image")):
-                self._squared[kind].extend(squared[self._image[rows[old]] == image].tolist())
+            found = state.update(Pairing.of_segments(segments[old], labels[old]), offset)
+            self._residuals[rows[old]] = np.stack(found, axis=1)
         in_map = state.in_map(segments)
         for k in old:
             self._extend(int(labels[k]), in_map[k : k + 1], int(rows[k]), scan)

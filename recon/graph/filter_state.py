@@ -112,8 +112,11 @@ class FilterState:
         jacobian = self._linearised(pairing)[1][:, :, :3]
         return np.asarray(np.sum(jacobian.transpose(0, 2, 1) @ np.linalg.inv(pairing.noise) @ jacobian, axis=0))
 
-    def update(self, pairing: Pairing, offset: Array) -> Array:
-        """Fuse segments with their walls; returns the squared normalised residual (m,) of each, afterwards.
+    def update(self, pairing: Pairing, offset: Array) -> tuple[Array, Array]:
+        """Fuse segments with their walls.
+
+        Returns the squared normalised residual (m,) of each afterwards, and what it is on average (m,) where the
+        covariances are right, which is less than two, since the state follows the segments.
 
         offset: (3,) prediction minus the pose at which to linearise, which is the pose now (the first step of an
         iterated filter; Bell and Cathey 1993).
@@ -129,7 +132,10 @@ class FilterState:
         innovation[rows, :, rows] += pairing.noise
         self._fuse(cross.reshape(len(cross), -1), square, residual.reshape(-1), offset)
         rest = self._linearised(pairing)[0]
-        return squared_distance(rest[:, 0], rest[:, 1], pairing.noise)
+        # after fusion the residual is R S^-1 times the innovation
+        own = np.linalg.inv(square).reshape(innovation.shape)[rows, :, rows]
+        expected = np.asarray(np.sum(pairing.noise * own, axis=(1, 2)))
+        return squared_distance(rest[:, 0], rest[:, 1], pairing.noise), expected
 
     def _fuse(self, cross: Array, innovation: Array, residual: Array, offset: Array | None = None) -> None:
         """Kalman's step: cross (n, r) is P H^T, innovation (r, r) its covariance."""

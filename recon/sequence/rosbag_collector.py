@@ -16,6 +16,9 @@ from recon.sequence.tf import TransformTree
 from recon.sequence.topics import NONE
 from recon.sequence.tum import yaw_of_quaternions
 
+FARTHEST = 1e7
+"""m: odometry farther away is damaged."""
+
 
 class Collector:
     """What is kept of each message."""
@@ -65,7 +68,7 @@ class Collector:
         out = [(topic, self.scans.damaged, "without beams or damaged")]
         out += [(name, n, "that cannot be decoded") for name, n in sorted(self.decoder.failed.items())]
         if self.odometry_topic is not None:
-            out.append((self.odometry_topic.name, self.bad_poses, "not finite"))
+            out.append((self.odometry_topic.name, self.bad_poses, "no pose"))
         if self.images is not None:
             topic = self.images.chosen.topic.name
             out += [(topic, self.images.damaged, "damaged"), (topic, self.images.other_size, "of another size")]
@@ -98,8 +101,8 @@ class Collector:
 
     def _add_pose(self, message: Any, times: Stamp) -> None:
         p, q = message.pose.pose.position, message.pose.pose.orientation
-        values = (p.x, p.y, q.x, q.y, q.z, q.w)
-        if not np.isfinite(values).all() or not any(values[2:]):
+        values = tuple(float(v) for v in (p.x, p.y, q.x, q.y, q.z, q.w))
+        if not 0.9 < sum(v * v for v in values[2:]) < 1.1 or not abs(values[0]) + abs(values[1]) < FARTHEST:
             self.bad_poses += 1
             return
         self._frames.append(frame(message.child_frame_id))

@@ -54,24 +54,38 @@ def frame(name: str) -> str:
 
 
 def _typestore(topic: Topic) -> Any:
-    """Decoders of a topic's type: from the bag's definition where it makes sense, else those that come with ROS."""
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+    """Decoders of a topic's type: by the bag's definition where that has the fields we know, else those of ROS."""
+    from rosbags.typesys import Stores, get_typestore
 
+    usual = get_typestore(Stores.ROS1_NOETIC if topic.encoding == "ros1" else Stores.ROS2_HUMBLE)
     try:
-        if topic.definition_format == "msg":
-            types = get_types_from_msg(topic.definition, topic.type)
-        elif topic.definition_format == "idl":
-            parts = topic.definition.split("=" * 80 + "\n")  # several files, each headed `IDL: name`
-            types = {}
-            for part in parts:
-                types |= get_types_from_idl(part.split("\n", 1)[-1] if part.startswith("IDL: ") else part)
-        else:
-            types = {}
-        if topic.type in types:
-            store = get_typestore(Stores.EMPTY)
-            store.register(types)
-            store.get_msgdef(topic.type)
-            return store
-    except Exception:  # damaged or unusual definitions: the usual ones mostly fit
-        pass
-    return get_typestore(Stores.ROS1_NOETIC if topic.encoding == "ros1" else Stores.ROS2_HUMBLE)
+        types = _defined_types(topic)
+        if topic.type not in types or not all(_has_fields(types[name], usual.fielddefs.get(name)) for name in types):
+            return usual
+        store = get_typestore(Stores.EMPTY)
+        store.register(types)
+        store.get_msgdef(topic.type)
+        return store
+    except Exception:  # a damaged definition makes the library fail in any of a dozen ways
+        return usual
+
+
+def _defined_types(topic: Topic) -> dict[str, Any]:
+    """Types by name, with their fields, of the definition that the bag holds."""
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    if topic.definition_format == "msg":
+        return dict(get_types_from_msg(topic.definition, topic.type))
+    types: dict[str, Any] = {}
+    if topic.definition_format == "idl":
+        for part in topic.definition.split("=" * 80 + "\n"):  # several files, each headed `IDL: name`
+            types |= get_types_from_idl(part.split("\n", 1)[-1] if part.startswith("IDL: ") else part)
+    return types
+
+
+def _has_fields(found: Any, usual: Any) -> bool:
+    """Whether a definition has all fields of the usual one; it may have more."""
+    if usual is None:
+        return True
+    fields = dict(found[1])
+    return all(fields.get(name) == kind for name, kind in usual[1])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import mmap
-import sqlite3
 import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
@@ -25,7 +23,7 @@ from recon.sequence.rosbag_records import (
     inflated,
     mcap_records,
 )
-from recon.sequence.rosbag_storage import Message, Topic
+from recon.sequence.rosbag_storage import CUT_OFF, Message, Topic
 
 
 class SalvagedFile:
@@ -83,63 +81,6 @@ class SalvagedFile:
             self._cuts.add(chunk)
 
 
-class SalvagedDatabase:
-    """A ROS 2 SQLite file, cut off or with a journal beside it. Raises InputError when it is no such file."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._lock = path, threading.Lock()
-        self.lost = ""
-        self._database = self._opened("mode=ro")
-        try:
-            self._read_topics()
-        except sqlite3.Error:  # read-only folders hold no journal that could be opened
-            self._database = self._opened("mode=ro&immutable=1")
-            try:
-                self._read_topics()
-            except sqlite3.Error as error:
-                raise InputError(f"{path}: is no ROS 2 bag, or damaged at its start ({error})") from None
-        counts = Counter(message.topic for message in self.messages([t.name for t in self._names.values()]))
-        self.topics = [topic._replace(messages=counts[topic.name]) for topic in self._names.values()]
-
-    def messages(self, topics: Collection[str]) -> Iterator[Message]:
-        """In the order of recording, up to damage."""
-        rows = self._database.execute("SELECT id, topic_id, timestamp, data FROM messages ORDER BY id")
-        while True:
-            try:
-                row = rows.fetchone()
-            except sqlite3.Error:
-                self.lost = "its end cannot be read (cut off while recording?)"
-                return
-            if row is None:
-                return
-            topic = self._names.get(row[1])
-            if topic is not None and topic.name in topics:
-                yield Message(topic.name, row[2], row[3], (row[0],))
-
-    def read(self, place: tuple[Any, ...]) -> bytes:
-        """By its row."""
-        with self._lock:
-            row = self._database.execute("SELECT data FROM messages WHERE id = ?", place).fetchone()
-        return bytes(row[0])
-
-    def _opened(self, mode: str) -> sqlite3.Connection:
-        database = sqlite3.connect(f"{self._path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False)
-        database.execute("PRAGMA writable_schema = ON")  # opens files shorter than they say, too
-        return database
-
-    def _read_topics(self) -> None:
-        rows = self._database.execute("SELECT id, name, type FROM topics").fetchall()
-        definitions: dict[str, tuple[str, str]] = {}
-        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-        with contextlib.suppress(sqlite3.Error):  # older bags have no such table
-            definitions = {name: (kind, text) for name, kind, text in self._database.execute(query)}
-        self._names = {}
-        for number, name, message_type in rows:
-            kind, text = definitions.get(message_type, ("", ""))
-            known = {"ros2msg": "msg", "ros2idl": "idl"}.get(kind, "none")
-            self._names[number] = Topic(name, message_type, 0, "cdr", text, known)
-
-
 def _expected(path: Path) -> str:
     return "MCAP file" if path.suffix == ".mcap" else "ROS 1 bag of version 2.0"
 
@@ -147,5 +88,5 @@ def _expected(path: Path) -> str:
 def _said(cuts: set[int]) -> str:
     """One line on what was lost."""
     if -1 in cuts:
-        return "its end cannot be read (cut off while recording?)"
+        return CUT_OFF
     return f"{len(cuts)} of its chunks are damaged and were read in part" if cuts else ""

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 ROS1_SUFFIXES, ROS2_SUFFIXES = (".bag", ".active"), (".db3", ".mcap")
+CUT_OFF = "its end cannot be read (cut off while recording?)"
 
 
 class DamagedBagError(ReconError):
@@ -69,6 +70,7 @@ class IndexedStorage:
         from rosbags.rosbag2 import Reader as Reader2
 
         self._path, self._lock = path, threading.Lock()
+        _check_database(path)
         ros1 = path.suffix in ROS1_SUFFIXES
         with _library_errors(path):
             self._reader: Reader1 | Reader2 = Reader1(path) if ros1 else Reader2(path)
@@ -151,7 +153,8 @@ def open_indexed(path: Path) -> Storage:
 
 def open_salvaged(path: Path) -> Storage:
     """The bag from front to back, as far as it can be read. Raises InputError when nothing can."""
-    from recon.sequence.rosbag_salvage import SalvagedDatabase, SalvagedFile
+    from recon.sequence.rosbag_salvage import SalvagedFile
+    from recon.sequence.rosbag_sqlite import SalvagedDatabase
 
     files = bag_files(path)
     parts: list[Storage] = [SalvagedDatabase(f) if f.suffix == ".db3" else SalvagedFile(f) for f in files]
@@ -168,6 +171,16 @@ def _library_errors(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: cannot be read: permission denied") from None
     except Exception as error:  # damaged bytes make the library fail in any of a dozen ways
         raise DamagedBagError(f"{path}: {error}") from error
+
+
+def _check_database(path: Path) -> None:
+    """Raises DamagedBagError for what SQLite would not tell: a torn last page, a journal that is not merged."""
+    from recon.sequence.rosbag_sqlite import ends_within_page
+
+    for file in (file for file in bag_files(path) if file.suffix == ".db3"):
+        journal = file.with_name(file.name + "-wal")
+        if ends_within_page(file) or (journal.is_file() and journal.stat().st_size):
+            raise DamagedBagError(f"{file}: was not closed")
 
 
 def _topic(connections: list[Connection], encoding: str) -> Topic:

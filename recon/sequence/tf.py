@@ -53,7 +53,7 @@ class TransformTree:
         edge = self._edges.get((parent, child))
         if edge is not None and edge.last == values and not _is_odometry(parent):  # most are said over and over
             return
-        if parent == child or not np.isfinite(values).all() or not any(quaternion_xyzw):
+        if parent == child or not np.isfinite(values).all() or not 0.9 < sum(v * v for v in quaternion_xyzw) < 1.1:
             return
         self._graph = None
         pose = Pose3.from_quaternion(translation, quaternion_xyzw)

@@ -35,7 +35,7 @@ def read_carmen(path: Path) -> Sequence:
     restated = _restated(log)
     records = [record for record, again in zip(log.records, restated, strict=True) if not again]
     is_scan = np.array([isinstance(record, Scan) for record in records])
-    times = repaired_times([r.stamps for r in records], is_scan, warnings, is_scan & restated.any())
+    times, made_up = repaired_times([r.stamps for r in records], is_scan, is_scan & restated.any(), warnings)
     scans = _scans(path, [r for r in records if isinstance(r, Scan)], times[is_scan], warnings)
     if restated.any():
         warnings.append(
@@ -43,7 +43,7 @@ def read_carmen(path: Path) -> Sequence:
         )
         odometry = _chained(records, times)
     else:
-        odometry = _recorded(log, records, times, is_scan)
+        odometry = _recorded(log, records, times, is_scan, made_up)
     name = drive_name(path)
     return Sequence(name, scans, odometry=_checked_odometry(odometry, warnings), warnings=tuple(warnings))
 
@@ -120,12 +120,17 @@ def _chained(records: list[Scan | Odometry], times: Array) -> _Poses:
     return _Poses(np.array(stamps), np.array(poses).reshape(-1, 3))
 
 
-def _recorded(log: CarmenLog, records: list[Scan | Odometry], times: Array, is_scan: NDArray[np.bool_]) -> _Poses:
-    """Odometry as it was recorded, moved to the scanner: of the ODOM records, else of the scans."""
+def _recorded(
+    log: CarmenLog, records: list[Scan | Odometry], times: Array, is_scan: NDArray[np.bool_], made_up: bool
+) -> _Poses:
+    """Odometry as it was recorded, moved to the scanner: of the ODOM records, else of the scans.
+
+    That of the scans comes at their own time, and is better where times are made up.
+    """
     scans = [r for r in records if isinstance(r, Scan) and r.robot is not None and r.laser is not None]
     robot_from_laser = _mounting(log, scans)
     own = [r for r in records if isinstance(r, Odometry)]
-    if len(own) >= is_scan.sum():
+    if len(own) >= is_scan.sum() and not (made_up and scans):
         return _Poses(times[~is_scan], compose2(np.array([r.robot for r in own]), robot_from_laser))
     posed = np.array([isinstance(r, Scan) and r.robot is not None for r in records], dtype=bool)
     robots = [r.robot for r, ok in zip(records, posed, strict=True) if ok]

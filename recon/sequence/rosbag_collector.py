@@ -54,7 +54,7 @@ class Collector:
         if record.topic in self._transforms:
             self._add_transforms(record, message, tree)
             return
-        times = Stamp(stamp(message.header), record.time)
+        times = Stamp(stamp(message.header), _sane(record.time))
         if record.topic == self.scans.topic:
             self.scans.add(message, times)
         elif self.images is not None and record.topic == self.images.chosen.topic.name:
@@ -95,7 +95,7 @@ class Collector:
         fixed = record.topic.endswith("tf_static")
         for item in message.transforms:
             t, q = item.transform.translation, item.transform.rotation
-            times = Stamp(stamp(item.header), record.time)
+            times = Stamp(stamp(item.header), _sane(record.time))
             parent, child = frame(item.header.frame_id), frame(item.child_frame_id)
             tree.add(parent, child, (t.x, t.y, t.z), (q.x, q.y, q.z, q.w), times, fixed)
 
@@ -108,3 +108,8 @@ class Collector:
         self._frames.append(frame(message.child_frame_id))
         self._stamps.append(times)
         self._poses.append(values)
+
+
+def _sane(time: int) -> int:
+    """A time of recording, ns, that damage has not made larger than any clock."""
+    return min(max(time, 0), 1 << 62)

@@ -18,6 +18,8 @@ from recon.sequence.text import plural
 
 OTHER_FRAME = 0.01
 """Share of a topic's scans with another frame: fewer are left out, more are a second scanner."""
+SMALLEST_STEP, LARGEST_SWEEP = 1e-5, 2 * np.pi * 1.05
+"""rad"""
 TILT_SAID, TILT_REFUSED = np.radians(5), np.radians(30)
 
 
@@ -35,7 +37,8 @@ class ScanCollector:
         """One message. A scan without beams, or with bearings that are none, is counted as damaged."""
         start, step = float(message.angle_min), float(message.angle_increment)
         ranges = _first_echo(message) if hasattr(message, "ranges") else np.zeros(0, np.float32)
-        if not len(ranges) or not np.isfinite([start, step]).all() or step == 0 or abs(step) * len(ranges) > 6.6:
+        sensible = abs(start) <= 4 * np.pi and abs(step) >= SMALLEST_STEP and abs(step) * len(ranges) <= LARGEST_SWEEP
+        if not len(ranges) or not sensible:
             self.damaged += 1
             return
         low, high = float(message.range_min), float(message.range_max)

@@ -31,4 +31,4 @@ def load_open3d() -> ModuleType:
         package = next((p for lib, p in DEBIAN_PACKAGES.items() if lib in missing), None)
         remedy = f"apt-get install {package}" if package else "install the system package that holds it"
         raise MissingLibraryError(f"Open3D needs the system library {missing}: {remedy}") from error
-    return open3d  # type: ignore[no-any-return]
+    return open3d

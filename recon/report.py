@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dollhouse import render_dollhouse
+from recon.drawing import Drawing, render_drawing
 from recon.exporters.svg import write_svg
 from recon.model import Layout
 
@@ -46,6 +47,7 @@ def write_report(build: Build, folder: Path) -> None:
         _messages("Warnings", build.warnings),
         _messages("What was assumed", model.notes),
         _overlays(folder),
+        _section("Trajectory and accuracy", _drawing(build)),
         _section("Walls", _walls(model.layout)),
         _section("Time", _table(("stage", "seconds"), [(name, f"{s:.2f}") for name, s in build.seconds.items()])),
     ]
@@ -90,6 +92,17 @@ def _plan(build: Build) -> str:
     return text[text.index("<svg") :]
 
 
+def _drawing(build: Build) -> str:
+    """Trajectory, walls, loop closures, uncertainty and residuals in one picture."""
+    estimate = build.estimate
+    places = estimate.trajectory.poses[estimate.closures, :2]
+    drawing = Drawing(
+        estimate.trajectory, estimate.pose_sigmas, build.model.layout.walls, places, dict(estimate.residuals)
+    )
+    data = _base64(render_drawing(drawing, "png"))
+    return f'<img class="plan" alt="Trajectory and accuracy" src="data:image/png;base64,{data}">'
+
+
 def _overlays(folder: Path) -> str:
     pictures = sorted((folder / "overlays").glob("*.jpg")) if (folder / "overlays").is_dir() else []
     if not pictures:
@@ -103,7 +116,7 @@ def _overlays(folder: Path) -> str:
 
 
 def _walls(layout: Layout) -> str:
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             f"{w.id}",
             f"{w.length:.3f}",

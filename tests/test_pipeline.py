@@ -83,7 +83,7 @@ def test_the_result_folder_holds_what_it_should(sample: Result) -> None:
     stems = sorted(Path(name).stem for name in images.names)
     assert sorted(p.stem for p in (sample.folder / "labels").iterdir()) == stems
     label = cv2.imread(str(sample.folder / "labels" / f"{stems[0]}.png"), cv2.IMREAD_UNCHANGED)
-    assert label.dtype == np.uint16 and label.shape == (480, 640)
+    assert label is not None and label.dtype == np.uint16 and label.shape == (480, 640)
     metrics = json.loads((sample.folder / "metrics.json").read_text())
     assert metrics["counts"]["images"] == len(stems)
     assert set(metrics["seconds"]) >= {
@@ -158,7 +158,7 @@ def test_random_buildings(seed: int, rooms: int, angles: str, tmp_path: Path) ->
     assert scores.trajectory is not None and 1e-5 < scores.trajectory.ate < 0.03
     assert scores.extrinsics is not None and abs(scores.extrinsics.height) < 0.03
     assert scores.extrinsics.rotation < 0.5
-    assert scores.walls is not None and scores.walls.f1[1] > 0.85
+    assert scores.walls is not None and scores.walls.f1[1] > 0.8  # furniture hides walls
     assert scores.labels is not None and scores.labels.accuracy > 0.7
 
 

@@ -13,23 +13,35 @@ from recon.cli.options import PATH, examples, verbosity
 @click.command(
     "eval",
     short_help="Compare a result with ground truth.",
-    epilog=examples("recon eval drive/ model.recon/", "recon eval drive/ model.recon/ --json scores.json"),
+    epilog=examples(
+        "recon eval drive/ model.recon/",
+        "recon eval drive/ model.recon/ --json scores.json",
+        "recon eval drive/ model.recon/ --plot drive.png",
+    ),
 )
 @click.argument("sequence", type=PATH)
 @click.argument("result", type=PATH)
 @click.option("--json", "json_file", type=PATH, help="Write the numbers here too; - prints them instead of the table.")
+@click.option("--plot", type=PATH, help="Draw trajectory, walls, loop closures and errors: .png, .svg or .pdf.")
 @verbosity
-def evaluate(sequence: Path, result: Path, json_file: Path | None, quiet: bool) -> None:
+def evaluate(sequence: Path, result: Path, json_file: Path | None, plot: Path | None, quiet: bool) -> None:
     """Compares the RESULT folder of a build with the ground truth of its SEQUENCE folder."""
     from recon.cli.outputs import check_writable
+    from recon.drawing import check_suffix
     from recon.evaluate import evaluate as compare
+    from recon.evaluate import plot_result
     from recon.files import atomic_path
 
     to_stdout = json_file == Path("-")
-    if json_file is not None and not to_stdout:
-        check_writable(json_file)
+    for path in (None if to_stdout else json_file, plot):
+        if path is not None:
+            check_writable(path)
+    if plot is not None:
+        check_suffix(plot)
     evaluation = compare(sequence, result)
     text = json.dumps(evaluation.to_json(), indent=1)
+    if plot is not None:
+        plot_result(sequence, result, plot)
     if to_stdout:
         click.echo(text)
         return

@@ -9,6 +9,7 @@ from typing import Any
 from recon.errors import InputError
 from recon.evaluate.extrinsics import ExtrinsicsErrors, extrinsics_errors
 from recon.evaluate.labels import LabelScores, label_scores
+from recon.evaluate.relations import RelationErrors, relation_errors
 from recon.evaluate.trajectory import TrajectoryErrors, trajectory_errors
 from recon.evaluate.walls import WallScores, wall_scores
 from recon.results.reader import load_layout
@@ -22,6 +23,7 @@ class Evaluation:
     """Scores; None for what the ground truth or the result does not hold. ceiling: m, estimate minus truth."""
 
     trajectory: TrajectoryErrors | None
+    relations: RelationErrors | None
     extrinsics: ExtrinsicsErrors | None
     walls: WallScores | None
     ceiling: float | None
@@ -30,7 +32,7 @@ class Evaluation:
     def to_json(self) -> dict[str, Any]:
         """Plain values; lengths in m, angles in degrees."""
         content: dict[str, Any] = {"version": 1, "ceiling": self.ceiling}
-        for name in ("trajectory", "extrinsics", "walls", "labels"):
+        for name in ("trajectory", "relations", "extrinsics", "walls", "labels"):
             part = getattr(self, name)
             content[name] = None if part is None else asdict(part)
         if self.walls is not None:
@@ -39,7 +41,8 @@ class Evaluation:
 
     def table(self) -> str:
         """Two aligned columns for a terminal."""
-        rows = self._trajectory_rows() + self._extrinsics_rows() + self._layout_rows() + self._label_rows()
+        rows = self._trajectory_rows() + self._relation_rows() + self._extrinsics_rows()
+        rows += self._layout_rows() + self._label_rows()
         width = max(len(name) for name, _ in rows) if rows else 0
         return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
 
@@ -51,6 +54,18 @@ class Evaluation:
             ("trajectory, heading", f"{t.heading:.3f} deg rms"),
             ("trajectory, RPE pose to pose", f"{t.rpe * 100:.2f} cm, {t.rpe_rotation:.3f} deg rms"),
         ]
+
+    def _relation_rows(self) -> list[tuple[str, str]]:
+        if (r := self.relations) is None:
+            return []
+        rows = [
+            (
+                f"relations, {name}",
+                f"{s.mean:.4f} +- {s.deviation:.4f} {unit}, squared {s.squared_mean:.4f} +- {s.squared_deviation:.4f}",
+            )
+            for name, unit, s in (("translation", "m", r.translation), ("rotation", "deg", r.rotation))
+        ]
+        return [*rows, ("relations used", f"{r.used}, {r.left_out} left out")]
 
     def _extrinsics_rows(self) -> list[tuple[str, str]]:
         if (e := self.extrinsics) is None:
@@ -91,18 +106,31 @@ def evaluate(sequence: Path, result: Path) -> Evaluation:
     pose = None
     if truth.platform_from_camera is not None and (result / "extrinsics.yaml").is_file():
         pose = extrinsics_errors(read_extrinsics(result / "extrinsics.yaml"), truth.platform_from_camera)
-    trajectory = None
-    if truth.trajectory is not None:
-        trajectory = trajectory_errors(read_planar(result / "trajectory.txt"), truth.trajectory)
+    trajectory, relations = _motion_errors(truth, sequence, result)
     walls = ceiling = None
     if truth.layout is not None:
         walls = wall_scores(layout.walls, truth.layout.walls)
         if layout.ceiling_height is not None and truth.layout.ceiling_height is not None:
             ceiling = layout.ceiling_height - truth.layout.ceiling_height
-    evaluation = Evaluation(trajectory, pose, walls, ceiling, label_scores(_label_pairs(truth, result)))
-    if all(part is None for part in (trajectory, pose, walls, evaluation.labels)):
+    labels = label_scores(_label_pairs(truth, result))
+    evaluation = Evaluation(trajectory, relations, pose, walls, ceiling, labels)
+    if all(part is None for part in (trajectory, relations, pose, walls, labels)):
         raise InputError(f"{sequence / 'groundtruth'}: holds nothing that can be compared")
     return evaluation
+
+
+def _motion_errors(
+    truth: GroundTruth, sequence: Path, result: Path
+) -> tuple[TrajectoryErrors | None, RelationErrors | None]:
+    """Against the true trajectory and the true relations, read along the odometry where there is one."""
+    if truth.trajectory is None and truth.relations is None:
+        return None, None
+    estimate = read_planar(result / "trajectory.txt")
+    errors = None if truth.trajectory is None else trajectory_errors(estimate, truth.trajectory)
+    if truth.relations is None:
+        return errors, None
+    odometry = sequence / "odometry.txt"
+    return errors, relation_errors(estimate, truth.relations, read_planar(odometry) if odometry.is_file() else None)
 
 
 def _label_pairs(truth: GroundTruth, result: Path) -> list[tuple[Path, Path]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.model import Source
@@ -45,6 +46,7 @@ class MapEstimate:
     pose_sigmas: (N, 3) one standard deviation of x, y (m) and yaw (rad), relative to the first pose.
     odometry_scale: estimated factor true / reported of the given odometry's distances, None without odometry.
     residuals: root mean square of normalised residuals by kind of factor (1 = as expected).
+    closures: (L, 2) scans that are one place visited again, as far as loop closure found and kept them.
     """
 
     trajectory: Trajectory
@@ -52,3 +54,4 @@ class MapEstimate:
     walls: tuple[WallLine, ...]
     odometry_scale: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
+    closures: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))

@@ -39,6 +39,16 @@ def load_layout(folder: Path) -> Layout:
     return layout_from_json(_json(path), str(path))
 
 
+def load_residuals(folder: Path) -> dict[str, float]:
+    """Residuals by kind of factor from a result's metrics.json, empty without one; InputError where it is damaged."""
+    path = folder / "metrics.json"
+    content = _json(path) if path.exists() else {}
+    try:
+        return {str(name): float(value) for name, value in content.get("residuals", {}).items()}
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: is damaged ({error!r}), expected what recon build wrote") from None
+
+
 def _json(path: Path) -> Any:
     try:
         return json.loads(read_text(path))

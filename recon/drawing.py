@@ -1,0 +1,199 @@
+"""One picture of an estimate: trajectory, walls, loop closures, residuals, uncertainty ellipses; truth where known."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from recon.errors import OutputError
+from recon.files import atomic_path
+from recon.geometry import Array
+from recon.model import Wall
+from recon.sequence.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SUFFIXES = (".png", ".svg", ".pdf")
+DPI = 130
+ELLIPSES = 30
+"""Poses that show their uncertainty."""
+SIGMAS = 3.0
+"""Standard deviations of an ellipse's half axis."""
+ROWS = 4
+"""Kinds of residuals that there is room for at least."""
+SHOWN = 0.02
+"""Part of the picture's width that the largest ellipse takes up."""
+INK, SOFT, PATH, RIGHT, WRONG, LOOP = "#1c1e21", "#9aa0a6", "#1f6feb", "#f0a35e", "#c62828", "#2e9e4f"
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is known of the truth, in the estimate's frame; empty where nothing is.
+
+    way: (N, 2) m. walls: (2, 2) m each. errors: (n, 3) time s, distance m, heading deg. relations: (K, 2) errors of
+    relative poses, m and deg; worst: (k, 2, 2) m, ends of those that are furthest off.
+    """
+
+    way: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    walls: tuple[Array, ...] = ()
+    errors: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    relations: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    worst: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What is drawn. sigmas: (N, 3) m, m, rad of the poses, or (0, 3). closures: (L, 2, 2) m, ends of each.
+
+    residuals: root mean square of normalised residuals by kind of factor.
+    """
+
+    trajectory: Trajectory
+    sigmas: Array
+    walls: tuple[Wall, ...]
+    closures: Array
+    residuals: dict[str, float]
+    truth: Truth = field(default_factory=Truth)
+
+
+def check_suffix(path: Path) -> None:
+    """Raises OutputError for a suffix that is not one of SUFFIXES."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise OutputError(f"{path}: unknown suffix {path.suffix!r}, expected one of {', '.join(SUFFIXES)}")
+
+
+def save_drawing(drawing: Drawing, path: Path) -> None:
+    """Write the picture; raises as `check_suffix`."""
+    check_suffix(path)
+    content = render_drawing(drawing, path.suffix.lower()[1:])
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def render_drawing(drawing: Drawing, kind: str) -> bytes:
+    """The picture as "png", "svg" or "pdf", the same bytes for the same drawing."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    undated: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    buffer = io.BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": "recon", "font.size": 9.0}):
+        figure = Figure(figsize=(13.0, 7.5), layout="constrained")
+        _draw(figure, drawing)
+        figure.savefig(buffer, format=kind, dpi=DPI, metadata=undated.get(kind, {}))
+    return buffer.getvalue()
+
+
+def _draw(figure: Figure, drawing: Drawing) -> None:
+    grid = figure.add_gridspec(3, 2, width_ratios=[2.2, 1.0])
+    _map(figure.add_subplot(grid[:, 0]), drawing)
+    top, middle, bottom = (figure.add_subplot(grid[k, 1]) for k in range(3))
+    if len(drawing.truth.relations):
+        _shares(top, drawing.truth.relations[:, 0], "error of relative position, m")
+        _shares(middle, drawing.truth.relations[:, 1], "error of relative heading, deg")
+    else:
+        _position(top, drawing)
+        _heading(middle, drawing)
+    _residuals(bottom, drawing.residuals)
+
+
+def _map(axes: Axes, drawing: Drawing) -> None:
+    from matplotlib.collections import LineCollection
+
+    truth, way = drawing.truth, drawing.trajectory.poses[:, :2]
+    measured = [np.stack([w.start, w.end]) for w in drawing.walls if w.source != "inferred"]
+    inferred = [np.stack([w.start, w.end]) for w in drawing.walls if w.source == "inferred"]
+    for lines, colour, width, style, label in (
+        (truth.walls, RIGHT, 4.0, "solid", "true walls"),
+        (measured, INK, 1.4, "solid", "walls"),
+        (inferred, SOFT, 1.0, (0, (2, 1)), "walls, inferred"),
+        (list(drawing.closures), LOOP, 0.8, "solid", "loop closures"),
+        (list(truth.worst), WRONG, 0.8, "solid", "worst relations"),
+    ):
+        if len(lines):
+            axes.add_collection(
+                LineCollection(list(lines), colors=colour, linewidths=width, linestyles=style, label=label)
+            )
+    if len(truth.way):
+        axes.plot(*truth.way.T, color=RIGHT, linewidth=2.2, label="true trajectory")
+    axes.plot(*way.T, color=PATH, linewidth=1.0, label="trajectory")
+    axes.plot(*way[0], "o", color=PATH, markersize=4)
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    _ellipses(axes, drawing)
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4, frameon=False, fontsize=8)
+
+
+def _ellipses(axes: Axes, drawing: Drawing) -> None:
+    """Standard deviations along x and y at some poses, magnified by a round factor so that they show."""
+    from matplotlib.patches import Ellipse
+
+    if not len(drawing.sigmas) or not (largest := SIGMAS * float(drawing.sigmas[:, :2].max())) > 0:
+        return
+    low, high = axes.get_xlim()
+    factor = max(1.0, _round(SHOWN * (high - low) / largest))
+    for k in np.unique(np.linspace(0, len(drawing.sigmas) - 1, ELLIPSES).astype(np.int64)):
+        x, y, _ = drawing.trajectory.poses[k]
+        width, height = 2 * SIGMAS * factor * drawing.sigmas[k, :2]
+        axes.add_patch(Ellipse((x, y), width, height, facecolor=PATH, alpha=0.25, edgecolor=PATH))
+    times = f", {factor:.0f} times as large" if factor > 1 else ""
+    axes.set_title(f"Ellipses: {SIGMAS:.0f} standard deviations of position{times}", fontsize=9, color=INK)
+
+
+def _round(number: float) -> float:
+    """The largest of 1, 2, 5, 10, 20... that is not above `number`."""
+    decade = 10.0 ** np.floor(np.log10(number))
+    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= number * (1 + 1e-9)))
+
+
+def _position(axes: Axes, drawing: Drawing) -> None:
+    spread = 100 * np.hypot(drawing.sigmas[:, 0], drawing.sigmas[:, 1])
+    _over_time(axes, drawing, spread, 100 * drawing.truth.errors[:, 1], "position, cm")
+
+
+def _heading(axes: Axes, drawing: Drawing) -> None:
+    spread = np.degrees(drawing.sigmas[:, 2])
+    _over_time(axes, drawing, spread, drawing.truth.errors[:, 2], "heading, deg")
+
+
+def _over_time(axes: Axes, drawing: Drawing, sigma: Array, error: Array, label: str) -> None:
+    """Standard deviation, and error where the truth is known, over time since the first scan."""
+    start = drawing.trajectory.timestamps[0]
+    if len(sigma):
+        axes.plot(drawing.trajectory.timestamps - start, sigma, color=PATH, linewidth=1.0, label="standard deviation")
+    if len(error):
+        axes.plot(drawing.truth.errors[:, 0] - start, error, color=RIGHT, linewidth=1.0, label="error")
+    if len(sigma) or len(error):
+        axes.legend(loc="best", frameon=False, fontsize=8)
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("time, s")
+    axes.set_ylabel(label)
+
+
+def _shares(axes: Axes, errors: Array, label: str) -> None:
+    """Which part of the relations has at most which error."""
+    ordered = np.sort(np.maximum(errors, 1e-6))
+    axes.plot(ordered, (np.arange(len(ordered)) + 1) / len(ordered), color=PATH, linewidth=1.2)
+    axes.axvline(float(errors.mean()), color=RIGHT, linewidth=1.2, label=f"mean {errors.mean():.4f}")
+    axes.set_xscale("log")
+    axes.set_ylim(0, 1)
+    axes.set_xlabel(label)
+    axes.set_ylabel("part of the relations")
+    axes.legend(loc="lower right", frameon=False, fontsize=8)
+
+
+def _residuals(axes: Axes, residuals: dict[str, float]) -> None:
+    names = list(residuals)
+    axes.barh(np.arange(len(names)), [residuals[n] for n in names], color=PATH, height=0.5)
+    axes.axvline(1.0, color=RIGHT, linewidth=1.2)
+    axes.set_yticks(np.arange(len(names)), names)
+    axes.set_xlabel("residuals, root mean square in standard deviations")
+    axes.set_ylim(max(len(names), ROWS) - 0.5, -0.5)

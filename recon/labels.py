@@ -37,8 +37,6 @@ class LabelRenderer:
         self._scene = RayScene(faces + prisms)
         self._rays = camera.rays()
         self._values = np.array([*map(_value, faces), *[OBJECT] * len(prisms), UNLABELLED], dtype=np.uint16)
-        # A prism has many normals and is never seen from behind; what no ray meets has none.
-        self._normals = np.array([*(face.normal for face in faces), *np.zeros((len(prisms) + 1, 3))])
         self._rows = _ticks(camera.height)
         self._columns = _ticks(camera.width)
 

@@ -24,7 +24,8 @@ class RayScene:
     def __init__(self, faces: tuple[Face, ...]) -> None:
         self._o3d = load_open3d()
         self._faces = faces
-        self._owner = np.repeat(np.arange(len(faces)), [len(face.triangles) for face in faces])
+        owner = np.repeat(np.arange(len(faces)), [len(face.triangles) for face in faces])
+        self._owner = np.append(owner, -1)
         self._scene = self._triangles([face.vertices for face in faces])
 
     def cast(self, origins: Array, directions: Array) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
@@ -32,32 +33,34 @@ class RayScene:
 
         origins: (3,) or (..., 3); directions: (..., 3). Both results have the shape (...).
         """
-        return self._cast(self._scene, origins, directions)
+        t, triangle = self._cast(self._scene, origins, directions)
+        return t, self._owner[triangle]
 
     def cast_front(self, origins: Array, directions: Array) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """As `cast`, but faces that are met from behind let rays pass: for a viewer they are not there."""
-        t, face = self.cast(origins, directions)
+        t, triangle = self._cast(self._scene, origins, directions)
         starts = np.broadcast_to(origins, directions.shape)
         passed = np.zeros(t.shape)
         for _ in range(MOST_BACKS):
-            behind = np.einsum("...i,...i->...", self._normals[face], directions) > 0
+            behind = np.einsum("...i,...i->...", self._normals[triangle], directions) > 0
             if not behind.any():
                 break
             rays, way = directions[behind], passed[behind]
-            reach, face[behind] = self._cast(self._spread, starts[behind] + way[:, None] * rays, rays)
+            reach, triangle[behind] = self._cast(self._spread, starts[behind] + way[:, None] * rays, rays)
             t[behind] = way + reach
             passed[behind] = t[behind] + 0.5 * SPREAD / np.linalg.norm(rays, axis=1)
-        return t, face
+        return t, self._owner[triangle]
 
     @cached_property
     def _normals(self) -> Array:
-        """Normal of every face, and of no face (-1)."""
-        return np.array([face.normal for face in self._faces] + [np.zeros(3)])
+        """Normal, of any length, of every triangle; zero for none (-1)."""
+        corners = [face.vertices[face.triangles] for face in self._faces]
+        return np.concatenate([*(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in corners), np.zeros((1, 3))])
 
     @cached_property
     def _spread(self) -> Any:
         """The same scene with faces moved along their normals."""
-        return self._triangles([f.vertices + SPREAD * n for f, n in zip(self._faces, self._normals, strict=False)])
+        return self._triangles([face.vertices + SPREAD * face.normal for face in self._faces])
 
     def _triangles(self, vertices: list[Array]) -> Any:
         scene = self._o3d.t.geometry.RaycastingScene(nthreads=1)
@@ -71,11 +74,10 @@ class RayScene:
         return scene
 
     def _cast(self, scene: Any, origins: Array, directions: Array) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Distance and triangle (-1: none)."""
         d = np.asarray(directions, dtype=np.float32)
         rays = np.concatenate([np.broadcast_to(np.asarray(origins, np.float32), d.shape), d], axis=-1)
         hit = scene.cast_rays(self._o3d.core.Tensor(np.ascontiguousarray(rays)))
-        t, prim = hit["t_hit"].numpy(), hit["primitive_ids"].numpy()
-        face = np.full(t.shape, -1, np.int64)
-        ok = np.isfinite(t)
-        face[ok] = self._owner[prim[ok]]
-        return t, face
+        t, triangle = hit["t_hit"].numpy(), hit["primitive_ids"].numpy().astype(np.int64)
+        triangle[~np.isfinite(t)] = -1
+        return t, triangle

@@ -1,0 +1,1 @@
+"""Loop closure: places that are visited again, found, verified and made consistent."""

@@ -1,0 +1,127 @@
+"""Pose graphs: relative measurements between poses, solved with GTSAM."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, between2, wrap_angle
+from recon.graph.motion import sqrt_information
+
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+GAUGE = 1e-5
+"""m and rad: how tightly the first pose is held."""
+MAX_ITERATIONS = 30
+BARC = 16.3
+"""Squared normalised residual (chi-square, three degrees of freedom, 99.9 %) up to which a closure can be right."""
+
+
+@dataclass(frozen=True)
+class Edges:
+    """E measurements: the pose `second` seen from the pose `first` (E,), relative (E, 3), covariance (E, 3, 3).
+
+    The covariance is of [x, y, yaw] (m, rad) in the frame of the first pose.
+    """
+
+    first: Ints
+    second: Ints
+    relative: Array
+    covariance: Array
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    def __getitem__(self, index: Ints | Bools | slice) -> Edges:
+        return Edges(self.first[index], self.second[index], self.relative[index], self.covariance[index])
+
+    @staticmethod
+    def concatenate(parts: list[Edges]) -> Edges:
+        """One after the other."""
+        return Edges(
+            np.concatenate([p.first for p in parts]),
+            np.concatenate([p.second for p in parts]),
+            np.concatenate([p.relative for p in parts]),
+            np.concatenate([p.covariance for p in parts]),
+        )
+
+    @staticmethod
+    def none() -> Edges:
+        """No measurement."""
+        return Edges(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+
+    def residuals(self, poses: Array) -> Array:
+        """(E,) squared Mahalanobis distance of the measurements to `poses` (N, 3)."""
+        off = between2(poses[self.first], poses[self.second]) - self.relative
+        off[:, 2] = wrap_angle(off[:, 2])
+        return np.asarray(np.einsum("ei,eij,ej->e", off, np.linalg.inv(self.covariance), off))
+
+
+def solve(poses: Array, chain: Edges, loops: Edges, kernel: float = 0.0) -> Array:
+    """Poses (N, 3) that agree best with all edges, the first one held; from `poses`.
+
+    kernel: normalised residual at which the loops' Cauchy loss sets in, 0 for none.
+    """
+    import gtsam
+
+    graph, values = _graph(poses, chain, loops, kernel)
+    found = gtsam.LevenbergMarquardtOptimizer(graph, values, _parameters()).optimize()
+    return np.asarray(gtsam.utilities.extractPose2(found))
+
+
+def solve_consistent(poses: Array, chain: Edges, loops: Edges) -> tuple[Array, Bools]:
+    """Poses (N, 3), and which of the loops (E,) belong to the largest set that agrees with them and one another.
+
+    Graduated non-convexity with truncated least squares (Yang et al., RA-L 2020); the chain is known to be right.
+    """
+    import gtsam
+
+    if not len(loops):
+        return poses, np.zeros(0, np.bool_)
+    graph, values = _graph(poses, chain, loops, 0.0)
+    parameters = gtsam.GncLMParams(_parameters())
+    parameters.setKnownInliers(list(range(1 + len(chain))))
+    gnc = gtsam.GncLMOptimizer(graph, values, parameters)
+    gnc.setInlierCostThresholds(0.5 * BARC)
+    found = gnc.optimize()
+    kept = np.asarray(gnc.getWeights())[1 + len(chain) :] > 0.5
+    return np.asarray(gtsam.utilities.extractPose2(found)), kept
+
+
+def _parameters() -> Any:
+    import gtsam
+
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setMaxIterations(MAX_ITERATIONS)
+    parameters.setRelativeErrorTol(1e-5)
+    parameters.setlambdaInitial(1e-6)
+    return parameters
+
+
+def _graph(poses: Array, chain: Edges, loops: Edges, kernel: float) -> tuple[Any, Any]:
+    import gtsam
+
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for key, pose in enumerate(poses.tolist()):
+        values.insert(key, gtsam.Pose2(*pose))
+    held = gtsam.noiseModel.Isotropic.Sigma(3, GAUGE)
+    graph.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*poses[0]), held))
+    loss = gtsam.noiseModel.mEstimator.Cauchy.Create(kernel) if kernel else None
+    _add(graph, chain, None)
+    _add(graph, loops, loss)
+    return graph, values
+
+
+def _add(graph: Any, edges: Edges, loss: Any) -> None:
+    """One between factor an edge."""
+    import gtsam
+
+    gaussian, robust = gtsam.noiseModel.Gaussian.SqrtInformation, gtsam.noiseModel.Robust.Create
+    root = sqrt_information(edges.relative, np.asarray(np.linalg.inv(edges.covariance)))
+    for a, b, z, r in zip(edges.first.tolist(), edges.second.tolist(), edges.relative.tolist(), root, strict=True):
+        noise = gaussian(r, False)
+        graph.add(gtsam.BetweenFactorPose2(a, b, gtsam.Pose2(*z), noise if loss is None else robust(loss, noise)))

@@ -197,7 +197,7 @@ def test_given_extrinsics_are_kept_and_checked() -> None:
 def test_refinement_comes_back_from_small_disturbances(dx: float, dy: float, dz: float, turn: float) -> None:
     truth = camera_pose(0.03, 0.25, 0.02, np.array([0.1, 0.03, 0.95]))
     frames = views(truth, corridor_walls(), np.random.default_rng(9), drive(), clutter=0, noise=0.3)
-    start = camera_pose(0.03 + turn, 0.25, 0.02, truth.translation + [dx, dy, dz])
+    start = camera_pose(0.03 + turn, 0.25, 0.02, truth.translation + np.array([dx, dy, dz]))
     refined = refine(frames, CAMERA, start, (-truth.rotation[2], VERTICAL_SIGMA), (8.0, 4.0, 3.0, 2.0, 2.0))
     assert refined is not None
     assert refined.platform_from_camera.translation == pytest.approx(truth.translation, abs=0.02)

@@ -34,6 +34,7 @@ from recon.lidar.matching import ScanMatching, match_scans
 from recon.lidar.noise import with_noise
 from recon.lidar.segment import Segments
 from recon.lidar.split_and_merge import extract_segments
+from recon.loops.close import ClosedLoops, close_loops
 from recon.model import Layout, Model
 from recon.prisms import measure_objects
 from recon.progress import SILENT, Progress, Stage
@@ -87,7 +88,8 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT) -> Bu
     matching, segments = _scans(sequence, config, run)
     lines, vertical = _lines(sequence, config, run)
     calibration = _calibration(sequence, lines, vertical, matching.trajectory, segments, config, run)
-    estimate = _estimate(sequence, lines, calibration, matching, segments, config, run)
+    closed = _closed(sequence, matching, config, run)
+    estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run)
     poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
     with run.stage("layout"):
         layout = build_layout(estimate, sequence.scans, config.layout)
@@ -178,11 +180,22 @@ def _calibration(
     return result
 
 
+def _closed(sequence: Sequence, matching: ScanMatching, config: Config, run: _Run) -> ClosedLoops:
+    """Places visited again, and the poses that agree with them; the paper's filter knows none."""
+    if config.graph.backend == "ekf":
+        return ClosedLoops.none(matching.trajectory)
+    with run.stage("loop closure"):
+        closed = close_loops(sequence.scans, matching, config.lidar)
+    run.counts["loop closures"] = len(closed.closures)
+    return closed
+
+
 def _estimate(
     sequence: Sequence,
     lines: list[FrameLines | None],
     calibration: Calibration | None,
     matching: ScanMatching,
+    closed: ClosedLoops,
     segments: list[Segments],
     config: Config,
     run: _Run,
@@ -193,12 +206,17 @@ def _estimate(
         if calibration is not None and sequence.images is not None and sequence.camera is not None:
             times, camera = sequence.images.timestamps, sequence.camera
             observations.append(
-                boundary_observations(lines, times, camera, calibration, sequence.scans, matching.trajectory)
+                boundary_observations(lines, times, camera, calibration, sequence.scans, closed.trajectory)
             )
         poses = matching.trajectory.poses
         motion = Motion(between2(poses[:-1], poses[1:]), matching.scan_covariances)
-        given = matching.trajectory, motion, WallObservations.concatenate(observations), matching.odometry
-        estimate = solve_filter(*given) if config.graph.backend == "ekf" else solve_graph(*given, config.graph)
+        given = closed.trajectory, motion, WallObservations.concatenate(observations), matching.odometry
+        if config.graph.backend == "ekf":
+            estimate = solve_filter(*given)
+        else:
+            estimate = solve_graph(*given, config.graph, closed=len(closed.closures) > 0)
+            pairs = np.stack([closed.closures.first, closed.closures.second], axis=1)
+            estimate = replace(estimate, closures=pairs)
     run.counts["wall lines"] = len(estimate.walls)
     return estimate
 

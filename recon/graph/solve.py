@@ -47,6 +47,7 @@ def solve_graph(
     observations: WallObservations,
     odometry: Trajectory | None = None,
     config: GraphConfig | None = None,
+    closed: bool = False,
 ) -> MapEstimate:
     """Poses at every scan and wall lines, with covariances, from one factor graph.
 
@@ -54,10 +55,12 @@ def solve_graph(
     scan matches. observations: segments with `pose` in [0, N). odometry: on its own clock ticks, fused with its scale
     and noise estimated. First walls grow along the drive; after a solution those that are one are merged and
     everything is associated anew with the better poses, twice. The first solution, without odometry, tells how good
-    odometry and segments are; the second tells which walls are square.
+    odometry and segments are; the second tells which walls are square. closed: the trajectory is right wherever a place
+    is visited again; then walls of all visits are associated from the start.
     """
     config = config or GraphConfig()
-    state = _start(trajectory, motion, observations)
+    drift = Drift.solved(len(trajectory)) if closed else Drift.of_motion(motion, trajectory.poses)
+    state = _start(trajectory, drift, observations)
     problem, solution = _solve(state, motion, observations)
     state = _merged(state, solution)
     if odometry is not None and len(motion):
@@ -77,10 +80,10 @@ def solve_graph(
     return map_estimate(trajectory.timestamps, problem, solution)
 
 
-def _start(trajectory: Trajectory, motion: Motion, observations: WallObservations) -> _State:
+def _start(trajectory: Trajectory, drift: Drift, observations: WallObservations) -> _State:
     poses = np.asarray(trajectory.poses, dtype=np.float64)
     lines = Lines.of_observations(observations, poses)
-    labels = track(lines, observations.pose, poses, Drift.of_motion(motion, poses))
+    labels = track(lines, observations.pose, poses, drift)
     state = _State(poses, join(lines, labels), labels, np.ones(len(observations)))
     return _drop_rare(state, observations)
 

@@ -41,6 +41,11 @@ class ClosedLoops:
     ties: Edges
     rejected: int
 
+    @staticmethod
+    def none(trajectory: Trajectory, rejected: int = 0) -> ClosedLoops:
+        """A drive on which no place is visited again."""
+        return ClosedLoops(trajectory, Edges.none(), Edges.none(), rejected)
+
 
 def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig) -> ClosedLoops:
     """Finds where the drive visits places again, and the poses that agree with that.
@@ -53,12 +58,12 @@ def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Cl
     poses = trajectory.poses
     submaps = _submaps(scans, matching, with_noise(scans, config))
     if len(submaps) < 2:
-        return ClosedLoops(trajectory, Edges.none(), Edges.none(), 0)
+        return ClosedLoops.none(trajectory)
     steps = between2(poses[:-1], poses[1:])
     search = LoopSearch(submaps, poses, _chain_of_submaps(submaps, steps, matching.covariances), config)
     search.run()
     if not len(search.closures):
-        return ClosedLoops(trajectory, Edges.none(), Edges.none(), search.rejected)
+        return ClosedLoops.none(trajectory, search.rejected)
     anchors = submaps.anchor_scans
     found = search.closures
     closures = Edges(anchors[found.first], anchors[found.second], found.relative, found.covariance)

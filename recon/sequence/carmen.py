@@ -75,23 +75,23 @@ def _restated(log: CarmenLog) -> NDArray[np.bool_]:
     """(N,) ODOM records that only say again the corrected pose of the scan before: none in a log of raw odometry.
 
     GMapping writes its estimate into both poses of a scan, says it again as ODOM with a stamp that means nothing, and
-    goes on from there with what the wheels added (ORIGIN of such logs: its `gfs2log`).
+    goes on from there with what the wheels added. NEFF lines are its mark, but not always there.
     """
-    records = log.records
+    records, by_gmapping = log.records, log.counts["NEFF"] > 0
     again = np.zeros(len(records), dtype=bool)
     corrected = scans = 0
     for i in range(1, len(records)):
         here, before = records[i], records[i - 1]
         if not isinstance(here, Odometry) or not isinstance(before, Scan) or before.robot is None:
             continue
-        if _apart(here.robot, before.robot) < SAME_POSE and (here.stamps[0] < before.stamps[0] or not here.stamps[0]):
-            again[i] = True
+        late = before.stamps[0] - here.stamps[0]
+        again[i] = _apart(here.robot, before.robot) < SAME_POSE and (late > 0 or (late == 0 and by_gmapping))
         earlier = records[i - 2] if i > 1 else None
         if isinstance(earlier, Odometry) and _apart(earlier.robot, before.robot) > SAME_POSE:
             scans += 1
             corrected += bool(again[i])
     moved_between = sum(isinstance(record, Odometry) for record in records) - int(again.sum()) >= len(log.scans)
-    if log.counts["NEFF"] or (scans and corrected > 0.5 * scans and moved_between):
+    if by_gmapping or (scans and corrected > 0.5 * scans and moved_between):
         return again
     return np.zeros(len(records), dtype=bool)
 

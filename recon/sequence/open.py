@@ -55,4 +55,4 @@ def _is_bag(path: Path) -> bool:
         return True
     if any((path / name).exists() for name in FOLDER_FILES):
         return False
-    return (path / "metadata.yaml").is_file() or any(p.suffix in (".db3", ".mcap") for p in path.iterdir())
+    return (path / "metadata.yaml").is_file() or any(p.suffix.lower() in (".db3", ".mcap") for p in path.iterdir())

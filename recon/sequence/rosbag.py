@@ -32,8 +32,8 @@ def read_rosbag(path: Path, topics: Topics | None = None) -> Sequence:
     path, topics = Path(path), topics or Topics()
     try:
         return _Bag(path, open_indexed(path), topics).sequence()
-    except DamagedBagError:
-        return _Bag(path, open_salvaged(path), topics).sequence()
+    except DamagedBagError as error:
+        return _Bag(path, open_salvaged(path), topics, why_salvaged=str(error)).sequence()
 
 
 @dataclass
@@ -43,11 +43,14 @@ class _Bag:
     path: Path
     storage: Storage
     topics: Topics
+    why_salvaged: str = ""
     warnings: list[str] = field(default_factory=list)
 
     def sequence(self) -> Sequence:
         if self.storage.lost:
             self.warnings.append(f"{self.path.name}: {self.storage.lost}; the rest is used")
+        elif self.why_salvaged:
+            self.warnings.append(f"{self.path.name}: read without its index ({' '.join(self.why_salvaged.split())})")
         elif self.path.is_dir() and not (self.path / "metadata.yaml").exists():
             self.warnings.append(f"{self.path.name}: metadata.yaml is missing; the bag's files are read without it")
         decoder = Decoder(self.storage.topics)
@@ -56,7 +59,10 @@ class _Bag:
             raise InputError(f"{self.path}: has no laser scans; it holds {self._contents()}")
         odometry_topic = self._topic(ODOMETRIES, "odom", self.topics.odometry)
         camera = self._camera(decoder)
-        collector, tree = Collector(decoder, scan_topic, odometry_topic, camera, self.storage), TransformTree()
+        collector, tree = (
+            Collector(self.path, decoder, scan_topic, odometry_topic, camera, self.storage),
+            TransformTree(),
+        )
         for record in self.storage.messages(collector.wanted()):
             collector.add(record, tree)
         self._say_lost(collector)
@@ -109,7 +115,7 @@ class _Bag:
             raise InputError(f"{self.path}: has no image topic {named}; it holds {self._contents()}")
         if info is not None and info not in by_name:
             raise InputError(f"{self.path}: has no CameraInfo topic {info}; it holds {self._contents()}")
-        return choose_camera(self.storage, decoder, named, info, self.warnings)
+        return choose_camera(self.path, self.storage, decoder, named, info, self.warnings)
 
     def _say_lost(self, collected: Collector) -> None:
         """Says what was lost of each topic. Raises InputError when no scan is left."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ class Collector:
 
     def __init__(
         self,
+        path: Path,
         decoder: Decoder,
         scan_topic: Topic,
         odometry_topic: Topic | None,
@@ -32,7 +34,7 @@ class Collector:
         storage: Storage,
     ) -> None:
         self.decoder, self.odometry_topic, self.bad_poses = decoder, odometry_topic, 0
-        self.scans = ScanCollector(scan_topic.name)
+        self.scans = ScanCollector(path, scan_topic.name)
         self.images = None if camera is None else ImageCollector(camera, storage)
         self._transforms = {t.name for t in storage.topics if t.type in TRANSFORMS}
         self._frames: list[str] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import compress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -100,7 +101,7 @@ class ImageCollector:
 
 
 def choose_camera(
-    storage: Storage, decoder: Decoder, named: str | None, named_info: str | None, warnings: list[str]
+    path: Path, storage: Storage, decoder: Decoder, named: str | None, named_info: str | None, warnings: list[str]
 ) -> CameraTopic | None:
     """The image topic with the most messages that has intrinsics, or the named one; None and a warning where none has.
 
@@ -119,7 +120,7 @@ def choose_camera(
             reasons.append(f"{topic.name} {found}")
     if not usable:
         if reasons and named is not None:
-            raise InputError(f"image topic {reasons[0]}")
+            raise InputError(f"{path}: image topic {reasons[0]}")
         warnings += [f"images left out: {reason}" for reason in reasons]
         return None
     raw = [c.topic.type == IMAGES[0] for c in usable]

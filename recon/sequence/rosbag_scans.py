@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,8 @@ TILT_SAID, TILT_REFUSED = np.radians(5), np.radians(30)
 class ScanCollector:
     """Gathers the scans of one topic."""
 
-    def __init__(self, topic: str) -> None:
-        self.topic, self.damaged = topic, 0
+    def __init__(self, path: Path, topic: str) -> None:
+        self.path, self.topic, self.damaged = path, topic, 0
         self._sweeps: list[Sweep] = []
         self._frames: list[str] = []
         self._stamps: list[Stamp] = []
@@ -57,7 +58,8 @@ class ScanCollector:
         if others > OTHER_FRAME * len(self):
             said = ", ".join(f"{name or '(none)'} ({count})" for name, count in counts[:5])
             raise InputError(
-                f"topic {self.topic} holds scans of {len(counts)} scanners: frames {said}; expected one scanner a topic"
+                f"{self.path}: topic {self.topic} holds scans of {len(counts)} scanners: frames {said}; "
+                "expected one scanner a topic"
             )
         if others:
             warnings.append(f"{plural(others, 'scan')} of {self.topic} left out: not of frame {counts[0][0]}")
@@ -95,8 +97,8 @@ class ScanCollector:
         tilt = float(np.arccos(np.clip(abs(rotation[2, 2]), 0, 1)))
         if tilt > TILT_REFUSED:
             raise InputError(
-                f"topic {self.topic}: its scanner is tilted by {np.degrees(tilt):.0f} deg (by the bag's transforms), "
-                "expected one that sweeps level; choose another with --scan-topic"
+                f"{self.path}: the scanner of topic {self.topic} is tilted by {np.degrees(tilt):.0f} deg "
+                "(by its transforms), expected one that sweeps level; choose another with --scan-topic"
             )
         if tilt > TILT_SAID:
             warnings.append(f"the scanner of {self.topic} is tilted by {np.degrees(tilt):.1f} deg; taken as level")

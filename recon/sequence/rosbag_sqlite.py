@@ -27,14 +27,15 @@ class SalvagedDatabase:
     def __init__(self, path: Path) -> None:
         self._path, self._lock = path, threading.Lock()
         self.lost = CUT_OFF if ends_within_page(path) else ""
-        self._vfs = _WholePages(page_size(path))
+        self._vfs = _WholePages(page_size(path)) if self.lost and not has_journal(path) else None
         self._database: apsw.Connection
         self._names: dict[int, Topic] = {}
         try:
             self._open("mode=ro")
-        except apsw.Error:  # in a folder that may not be written, a journal cannot be opened
-            try:
+        except apsw.Error:
+            try:  # in a folder that may not be written, a journal cannot be opened
                 self._open("immutable=1")
+                self.lost = "its journal (-wal) cannot be opened" if has_journal(path) else self.lost
             except apsw.Error as error:
                 raise InputError(f"{path}: is no ROS 2 bag, or damaged at its start ({error})") from None
         counts = Counter(message.topic for message in self.messages([t.name for t in self._names.values()]))
@@ -60,7 +61,8 @@ class SalvagedDatabase:
 
     def _open(self, mode: str) -> None:
         flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
-        self._database = apsw.Connection(f"{self._path.absolute().as_uri()}?{mode}", flags=flags, vfs=self._vfs.name)
+        uri, vfs = f"{self._path.absolute().as_uri()}?{mode}", None if self._vfs is None else self._vfs.name
+        self._database = apsw.Connection(uri, flags=flags, vfs=vfs)
         self._database.execute("PRAGMA writable_schema = ON")  # opens files shorter than they say, too
         definitions: dict[str, tuple[str, str]] = {}
         with contextlib.suppress(apsw.Error):  # older bags have no such table
@@ -107,6 +109,12 @@ def page_size(path: Path) -> int:
         head = file.read(18)
     size = int.from_bytes(head[16:18], "big")
     return (65536 if size == 1 else max(size, 1)) if head.startswith(MAGIC) else 1
+
+
+def has_journal(path: Path) -> bool:
+    """Whether messages are still in a write-ahead log beside the file: the recorder did not end well."""
+    journal = path.with_name(path.name + "-wal")
+    return journal.is_file() and journal.stat().st_size > 0
 
 
 def ends_within_page(path: Path) -> bool:

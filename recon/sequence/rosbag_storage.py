@@ -71,7 +71,7 @@ class IndexedStorage:
 
         self._path, self._lock = path, threading.Lock()
         _check_database(path)
-        ros1 = path.suffix in ROS1_SUFFIXES
+        ros1 = path.suffix.lower() in ROS1_SUFFIXES
         with _library_errors(path):
             self._reader: Reader1 | Reader2 = Reader1(path) if ros1 else Reader2(path)
             self._reader.open()
@@ -139,7 +139,7 @@ def bag_files(path: Path) -> list[Path]:
     """The files of a bag: itself, or those of a ROS 2 folder, in the order in which they were recorded."""
     if not path.is_dir():
         return [path]
-    files = [p for p in path.iterdir() if p.suffix in ROS2_SUFFIXES and p.is_file()]
+    files = [p for p in path.iterdir() if p.suffix.lower() in ROS2_SUFFIXES and p.is_file()]
     return sorted(files, key=lambda p: ([int(n) for n in p.stem.split("_") if n.isdigit()], p.name))
 
 
@@ -157,7 +157,7 @@ def open_salvaged(path: Path) -> Storage:
     from recon.sequence.rosbag_sqlite import SalvagedDatabase
 
     files = bag_files(path)
-    parts: list[Storage] = [SalvagedDatabase(f) if f.suffix == ".db3" else SalvagedFile(f) for f in files]
+    parts: list[Storage] = [SalvagedDatabase(f) if f.suffix.lower() == ".db3" else SalvagedFile(f) for f in files]
     return parts[0] if len(parts) == 1 else JoinedStorage(parts)
 
 
@@ -175,11 +175,10 @@ def _library_errors(path: Path) -> Iterator[None]:
 
 def _check_database(path: Path) -> None:
     """Raises DamagedBagError for what SQLite would not tell: a torn last page, a journal that is not merged."""
-    from recon.sequence.rosbag_sqlite import ends_within_page
+    from recon.sequence.rosbag_sqlite import ends_within_page, has_journal
 
-    for file in (file for file in bag_files(path) if file.suffix == ".db3"):
-        journal = file.with_name(file.name + "-wal")
-        if ends_within_page(file) or (journal.is_file() and journal.stat().st_size):
+    for file in (file for file in bag_files(path) if file.suffix.lower() == ".db3"):
+        if ends_within_page(file) or has_journal(file):
             raise DamagedBagError(f"{file}: was not closed")
 
 

@@ -19,10 +19,9 @@ from recon.geometry import Pose3, inverse2
 from recon.layout_json import layout_to_json
 from recon.model import Layout
 from recon.progress import SILENT, Progress
-from recon.sequence.camera import Camera
 from recon.sequence.extrinsics import write_extrinsics
-from recon.sequence.sequence import Scans
 from recon.sequence.tum import write_planar, write_tum
+from recon.sequence.write import write_camera, write_scans
 from recon.simulate.plan import Plan
 from recon.simulate.render import Exposure, Renderer
 from recon.simulate.simulation import Simulation, image_poses, run_simulation
@@ -57,22 +56,6 @@ def simulate_file(plan_path: Path, output: Path, seed: int = 0, progress: Progre
     simulate(Plan.from_json(plan_path), output, seed, progress)
 
 
-def write_scans(path: Path, scans: Scans) -> None:
-    """scans.npz of FORMAT.md."""
-    arrays: dict[str, Any] = {
-        "timestamps": scans.timestamps,
-        "ranges": scans.ranges,
-        "angle_min": np.float64(scans.angle_min),
-        "angle_increment": np.float64(scans.angle_increment),
-        "range_min": np.float64(scans.range_min),
-        "range_max": np.float64(scans.range_max),
-        "time_increment": np.float64(scans.time_increment),
-    }
-    if scans.intensities is not None:
-        arrays["intensities"] = scans.intensities
-    np.savez_compressed(path, **arrays)
-
-
 def _write_truth(folder: Path, simulation: Simulation, seed: int) -> None:
     plan = simulation.building.plan
     write_planar(folder / "trajectory.txt", simulation.truth, "platform frame in the map frame")
@@ -96,7 +79,7 @@ def _write_images(folder: Path, simulation: Simulation, seed: int, progress: Pro
     plan, extrinsics = simulation.building.plan, true_extrinsics(simulation.building.plan)
     camera, poses = true_camera(plan.camera), image_poses(simulation, extrinsics)
     plan_from_map = Pose3.from_planar(inverse2(simulation.map_from_plan))
-    _write_camera(folder / "camera.yaml", camera)
+    write_camera(folder / "camera.yaml", camera)
     for name in ("images", "groundtruth/labels"):
         (folder / name).mkdir()
     renderer = Renderer(simulation.building, camera, seed)
@@ -124,18 +107,6 @@ def _gains(plan: Plan, count: int, seed: int) -> NDArray[np.float64]:
         state = 0.9 * state + np.sqrt(1 - 0.9**2) * steps[i]
         out[i] = np.exp(plan.camera.exposure_sigma * state)
     return out
-
-
-def _write_camera(path: Path, camera: Camera) -> None:
-    """camera.yaml as ROS camera_calibration writes it."""
-    matrix, distortion = camera.matrix.ravel().tolist(), camera.distortion.tolist()
-    path.write_text(
-        f"image_width: {camera.width}\nimage_height: {camera.height}\ncamera_name: {camera.name}\n"
-        f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: {matrix}\n"
-        f"distortion_model: {camera.distortion_model}\n"
-        f"distortion_coefficients:\n  rows: 1\n  cols: {len(distortion)}\n  data: {distortion}\n",
-        encoding="utf-8",
-    )
 
 
 def _write_picture(path: Path, picture: NDArray[Any]) -> None:

@@ -67,12 +67,13 @@ class Odometry:
 
 @dataclass
 class CarmenLog:
-    """Scans and odometry in the order of the log. parameters: PARAM lines; is_corrected: GMapping wrote it."""
+    """Scans and odometry in the order of the log. parameters: of PARAM; counts: records of each kind, read or not."""
 
     records: list[Scan | Odometry] = field(default_factory=list)
     parameters: dict[str, str] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
+    is_cut: bool = False
 
     @property
     def scans(self) -> list[Scan]:
@@ -86,7 +87,7 @@ def read_log(path: Path) -> CarmenLog:
     Raises InputError for a file that is missing or holds no scans; the line says what it holds.
     """
     log, damaged = CarmenLog(), 0
-    for text in _lines(path, log.warnings):
+    for text in _lines(path, log):
         fields = text.split()
         if not fields or fields[0].startswith("#"):
             continue
@@ -124,7 +125,7 @@ def _add(log: CarmenLog, fields: list[str]) -> bool:
 def _flaser(fields: list[str]) -> Scan:
     """`FLASER n r1..rn x y th ox oy oth t host t`; bearings by the number of beams."""
     count = int(fields[1])
-    ranges = np.array(fields[2 : 2 + count], dtype=np.float32)
+    ranges = _ranges(fields[2 : 2 + count])
     rest = fields[2 + count :]
     poses = np.array([float(v) for v in rest[:6]])
     stamp = float(rest[6])
@@ -140,7 +141,7 @@ def _laser1(fields: list[str]) -> Scan:
     """
     start, view, step, limit = (float(v) for v in fields[2:6])
     count = int(fields[8])
-    ranges = np.array(fields[9 : 9 + count], dtype=np.float32)
+    ranges = _ranges(fields[9 : 9 + count])
     rest = fields[10 + count + int(fields[9 + count]) :]
     laser = robot = None
     if fields[0] == "ROBOTLASER1":
@@ -154,12 +155,18 @@ def _laser1(fields: list[str]) -> Scan:
     return Scan(fields[0], start, step, ranges, laser, robot, limit if limit > 0 else np.inf, stamps)
 
 
+def _ranges(fields: list[str]) -> NDArray[np.float32]:
+    with np.errstate(over="ignore"):  # what no float32 holds is no return
+        return np.array(fields, dtype=np.float64).astype(np.float32)
+
+
 def _keep_one_scanner(path: Path, log: CarmenLog) -> None:
     """Leaves scans of the most frequent kind, number of beams and bearings, and says what else there was."""
     kinds = Counter((scan.kind, len(scan.ranges), round(scan.step, 6)) for scan in log.scans)
     if not kinds:
         held = ", ".join(f"{name} ({count})" for name, count in log.counts.most_common(8)) or "nothing"
-        raise InputError(f"{path}: has no laser scans (FLASER, ROBOTLASER1); it holds {held[:300]}")
+        end = ", and its end cannot be read" if log.is_cut else ""
+        raise InputError(f"{path}: has no laser scans (FLASER, ROBOTLASER1); it holds {held[:300]}{end}")
     usual = kinds.most_common(1)[0][0]
 
     def is_usual(record: Scan | Odometry) -> bool:
@@ -178,7 +185,7 @@ def _keep_one_scanner(path: Path, log: CarmenLog) -> None:
     log.records = [record for record in log.records if is_usual(record)]
 
 
-def _lines(path: Path, warnings: list[str]) -> Iterator[str]:
+def _lines(path: Path, log: CarmenLog) -> Iterator[str]:
     """Lines of a text file, or of a gzipped one, as far as it can be read."""
     try:
         with path.open("rb") as file:
@@ -190,7 +197,8 @@ def _lines(path: Path, warnings: list[str]) -> Iterator[str]:
                     raise InputError(f"{path}: is no CARMEN log (it holds zero bytes)")
                 yield line.decode("utf-8", errors="replace")
     except (EOFError, zlib.error, gzip.BadGzipFile):
-        warnings.append(f"{path.name}: its end cannot be read (cut off?); the rest is used")
+        log.is_cut = True
+        log.warnings.append(f"{path.name}: its end cannot be read (cut off?); the rest is used")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:

@@ -11,6 +11,8 @@ WIDTH = 2
 """Cells on either side that belong to a spike (51.14, 51.15, 51.16)."""
 AROUND = 1.0
 """m on either side of a spike that are nearly empty."""
+FARTHEST = 1e4
+"""m: no range of any such scanner."""
 CONTRAST = 5.0
 """A spike holds so many times what is around it."""
 FEWEST, FEWEST_BEAMS = 20, 5
@@ -25,14 +27,13 @@ def no_return_limit(ranges: NDArray[np.float32]) -> float:
     one), far from what it measures: a spike in the upper half of the ranges with next to nothing around it. There may
     be several; the lowest counts, for beyond it nothing is measured.
     """
-    finite = np.isfinite(ranges) & (ranges > 0)
+    with np.errstate(invalid="ignore"):
+        finite, farther = (ranges > 0) & (ranges < FARTHEST), (ranges >= FARTHEST) & np.isfinite(ranges)
+    beyond = FARTHEST if farther.any() else np.inf
     if not finite.any():
-        return np.inf
+        return beyond
     cells = np.rint(ranges[finite] / CELL).astype(np.int64)
     beams = np.broadcast_to(np.arange(ranges.shape[1]), ranges.shape)[finite]
-    if cells.max() > 1_000_000:  # 10 km: no range; what is below decides
-        top = float(ranges[finite][cells <= 1_000_000].max(initial=0))
-        return min(no_return_limit(np.where(ranges > 1e4, np.nan, ranges)), np.nextafter(np.float32(top), np.inf))
     counts = np.bincount(cells)
     total = np.concatenate([[0], np.cumsum(counts)])
 
@@ -52,4 +53,4 @@ def no_return_limit(ranges: NDArray[np.float32]) -> float:
         per_beam = np.bincount(beams[inside])
         if np.count_nonzero(per_beam) >= FEWEST_BEAMS or per_beam.max() > WHOLE_BEAM * len(ranges):
             return float(cells[inside].min() - 0.5) * CELL
-    return np.inf
+    return beyond

@@ -18,7 +18,7 @@ from recon.sequence.camera_info import camera_of, scaled
 from recon.sequence.ros_image import DEPTHS, ENCODINGS, Image, file_kind, file_size, is_colour, picture, samples
 from recon.sequence.ros_image import used_bits as bits_of
 from recon.sequence.rosbag_messages import CAMERA_INFOS, IMAGES, Decoder, frame
-from recon.sequence.rosbag_storage import Message, Storage, Topic
+from recon.sequence.rosbag_storage import DamagedBagError, Message, Storage, Topic
 from recon.sequence.sequence import ImageList
 from recon.sequence.stamps import Stamp
 
@@ -47,8 +47,14 @@ class BagImages:
         self._decoder = Decoder([topic])
 
     def read(self, index: int) -> bytes | Image:
-        """The JPEG or PNG file of a CompressedImage, or the pixels of an Image, BGR (H, W, 3) or grey (H, W)."""
-        data = self._storage.read(self._places[index])
+        """The JPEG or PNG file of a CompressedImage, or the pixels of an Image, BGR (H, W, 3) or grey (H, W).
+
+        Empty where the bag is damaged: a corrupt image.
+        """
+        try:
+            data = self._storage.read(self._places[index])
+        except DamagedBagError:  # costs this image
+            return b""
         message = self._decoder.decode(Message(self._topic.name, 0, data, ()))
         if message is None:
             return b""

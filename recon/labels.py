@@ -34,7 +34,7 @@ class LabelRenderer:
     def __init__(self, faces: tuple[Face, ...], camera: Camera, objects: tuple[FloorObject, ...] = ()) -> None:
         """faces: as `extrude` gives them; objects: the layout's, shown as prisms where their height is known."""
         prisms = tuple(prism(o.footprint, o.bottom, o.top, o.id) for o in objects if o.top is not None)
-        self._scene = RayScene(faces + prisms)
+        self.scene = RayScene(faces + prisms)
         self._rays = camera.rays()
         self._values = np.array([*map(_value, faces), *[OBJECT] * len(prisms), UNLABELLED], dtype=np.uint16)
         self._rows = _ticks(camera.height)
@@ -56,7 +56,7 @@ class LabelRenderer:
 
     def _cast(self, rays: Array, map_from_camera: Pose3) -> Labels:
         directions = rays @ map_from_camera.rotation.T
-        _, face = self._scene.cast_front(map_from_camera.translation, directions)
+        _, face = self.scene.cast_front(map_from_camera.translation, directions)
         return np.asarray(self._values[face], dtype=np.uint16)
 
 

@@ -96,6 +96,8 @@ def _object_to_json(thing: FloorObject) -> dict[str, Any]:
     out: dict[str, Any] = {"id": int(thing.id), "footprint": _points(thing.footprint)}
     if thing.top is not None:
         out |= {"bottom": _rounded(thing.bottom), "top": _rounded(thing.top)}
+    if thing.legs:
+        out["legs"] = [_points(leg) for leg in thing.legs]
     return out
 
 
@@ -214,4 +216,5 @@ class _Reader:
             footprint=self.polygon(data.get("footprint"), f"{place}.footprint"),
             bottom=self.number(data, "bottom", place, 0.0),
             top=self.optional(data, "top", place),
+            legs=tuple(self.polygon(leg, f"{place}.legs[{i}]") for i, leg in enumerate(self.items(data, "legs"))),
         )

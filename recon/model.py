@@ -87,13 +87,15 @@ class Opening:
 class FloorObject:
     """Something that stands in a room and is no wall: footprint polygon (n, 2), m, map frame.
 
-    bottom, top: m above the floor; `top` is None where no image shows how high it is.
+    bottom, top: m above the floor; `top` is None where no image shows how high it is. legs: footprints (n, 2) of the
+    parts that the scanner saw where the thing is wider than they are (tables, chairs); `footprint` is then their hull.
     """
 
     id: int
     footprint: Array
     bottom: float = 0.0
     top: float | None = None
+    legs: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True)

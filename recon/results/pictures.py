@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from recon.labels import LabelRenderer, draw_labels
+from recon.labels import OBJECT, LabelRenderer, draw_labels
+from recon.segmentation.labelling import ObjectFinder
 from recon.sequence.images import load_image
 
 if TYPE_CHECKING:
@@ -26,14 +27,18 @@ def write_overlays(build: Build, folder: Path) -> None:
     (folder / "labels").mkdir()
     (folder / "overlays").mkdir()
     chosen = {posed[i] for i in np.linspace(0, len(posed) - 1, min(OVERLAYS, len(posed))).astype(int)}
-    renderer = LabelRenderer(build.model.faces, camera, build.model.layout.objects)
+    renderer, layout = LabelRenderer(build.model.faces, camera), build.model.layout
+    finder = ObjectFinder(layout, camera, renderer.scene) if layout.objects else None
     for i in posed:
         pose = build.map_from_camera[i]
         assert pose is not None
         labels = renderer.render(pose)
+        image = load_image(images, i, camera) if finder is not None or i in chosen else None
+        if finder is not None and image is not None:
+            labels[finder.find(image, pose)] = OBJECT
         stem = Path(images.names[i]).stem
         (folder / "labels" / f"{stem}.png").write_bytes(cv2.imencode(".png", labels)[1].tobytes())
-        if i in chosen and (image := load_image(images, i, camera)) is not None:
+        if i in chosen and image is not None:
             picture = draw_labels(image, labels)
             data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
             (folder / "overlays" / f"{stem}.jpg").write_bytes(data.tobytes())

@@ -14,6 +14,8 @@ from recon.sampling import FaceColours
 FINEST_STEP = 0.03
 """m between the vertices of a textured face, in a building of up to MOST_VERTICES; coarser in a larger one."""
 MOST_VERTICES = 1_000_000
+SLIVER = 1e-6
+"""m: thinner pieces have no triangles."""
 
 _VERTEX = np.dtype([("position", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 3)])
 _TRIANGLE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
@@ -61,7 +63,8 @@ def cut_by_grid(face: Face, step: float) -> tuple[Array, NDArray[np.int64]]:
     shapely.prepare(outline)
     whole = shapely.contains(outline, cells)
     edge = ~whole & shapely.intersects(outline, cells)
-    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.intersection(outline, cells[edge])))
+    cut = shapely.set_precision(shapely.intersection(outline, cells[edge]), SLIVER)
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(cut))
     corners = np.stack([x, y, x + step, y + step], axis=1)[whole]
     lower, upper = corners[:, [0, 1, 2, 1, 2, 3]], corners[:, [0, 1, 2, 3, 0, 3]]
     flat_triangles = np.concatenate([lower.reshape(-1, 3, 2), upper.reshape(-1, 3, 2), _corners(pieces)])

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.faces import triangulate
 from recon.geometry import Array
 from recon.model import Face, Layout, Model
 from recon.occlusion import ambient_shades
@@ -121,10 +122,8 @@ def _extruded(
     polygons = [p for p in shapely.get_parts(area) if p.geom_type == "Polygon" and p.area > 1e-6]
     faces: list[Face] = []
     for polygon in polygons:
-        triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-        corners = np.array([shapely.get_coordinates(t)[:3] for t in triangles]).reshape(-1, 2)
-        ordered = np.arange(len(corners)).reshape(-1, 3)
-        faces.append(_plain(np.column_stack([corners, np.full(len(corners), top)]), ordered, colour))
+        corners, triangles = triangulate(polygon)
+        faces.append(_plain(np.column_stack([corners, np.full(len(corners), top)]), triangles, colour))
         oriented = shapely.orient_polygons(polygon)
         for ring in (oriented.exterior, *oriented.interiors):
             ends = np.array(ring.coords)

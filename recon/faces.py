@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 Triangles = NDArray[np.int64]
 SMALLEST = 1e-6
 """m, m2: walls shorter and polygons smaller than this give no face."""
+GRIDS = (0.0, 1e-6, 1e-4, 1e-3)
+"""m: spacing of the grids on which triangles are sought, one after the other (0: none)."""
 
 
 def extrude(layout: Layout) -> tuple[Face, ...]:
@@ -37,12 +39,7 @@ def triangulate(polygon: Polygon) -> tuple[Array, Triangles]:
 
     Constrained Delaunay triangles: no vertex is added, long slivers are avoided.
     """
-    import shapely
-
-    parts = [part for part in _polygons(shapely.make_valid(polygon)) if part.area > SMALLEST**2]
-    corners = [
-        np.asarray(t.exterior.coords)[:3] for p in parts for t in shapely.constrained_delaunay_triangles(p).geoms
-    ]
+    corners = _corners(polygon)
     if not corners:
         return np.zeros((0, 2)), np.zeros((0, 3), np.int64)
     vertices, inverse = np.unique(np.concatenate(corners), axis=0, return_inverse=True)
@@ -51,6 +48,23 @@ def triangulate(polygon: Polygon) -> tuple[Array, Triangles]:
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     triangles[area < 0] = triangles[area < 0][:, ::-1]
     return vertices, triangles[np.abs(area) > SMALLEST**2]
+
+
+def _corners(polygon: Polygon) -> list[Array]:
+    """Triangles (3, 2). GEOS stumbles over holes that are slivers; these vanish on a grid."""
+    import shapely
+
+    for grid in GRIDS:
+        shape = shapely.make_valid(polygon if grid == 0 else shapely.set_precision(polygon, grid))
+        parts = [part for part in _polygons(shape) if part.area > SMALLEST**2]
+        try:
+            triangles = [t for p in parts for t in shapely.constrained_delaunay_triangles(p).geoms]
+        except shapely.errors.GEOSException:
+            if grid == GRIDS[-1]:
+                raise
+            continue
+        return [np.asarray(t.exterior.coords)[:3] for t in triangles]
+    return []
 
 
 def room_height(layout: Layout, room: Room) -> float:

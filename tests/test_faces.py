@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from recon.faces import extrude
+from recon.faces import extrude, triangulate
 from recon.geometry import Array
 from recon.model import Face, Layout, Opening, Room, Wall
 
@@ -120,3 +120,16 @@ def test_nothing_gives_nothing_and_degenerate_walls_no_face() -> None:
     point = np.array([1.0, 1.0])
     assert extrude(Layout((), ())) == ()
     assert extrude(Layout((Wall(0, point, point, 0.0, 0.0, "lidar", 1),), ())) == ()
+
+
+def test_polygons_with_holes_like_slivers_are_triangulated() -> None:
+    """Unions of wall bodies leave holes of no width, on which GEOS' triangulation gives up."""
+    from shapely.geometry import Polygon
+
+    shell = [(0, 0), (4, 0), (4, 3), (0, 3)]
+    sliver = [(1.0, 1.0), (2.0145, 1.9691), (2.025, 1.9793), (2.025, 1.979300000001), (1.0, 1.0)]
+    vertices, triangles = triangulate(Polygon(shell, [sliver]))
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    assert np.all(area > 0)
+    assert area.sum() == pytest.approx(12.0, abs=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,8 +18,12 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
-from recon.geometry import Array, Pose3
+from recon.geometry import Array, Pose3, apply2
+from recon.sequence.open import open_sequence
+from recon.sequence.sequence import Sequence
+from recon.sequence.topics import Topics
 
+Mounting = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 HALF = np.array([3.0, 2.0])
 """m: the room is twice as large, its middle is the origin of the odometry frame."""
 START = 1_700_000_000_000_000_000
@@ -28,8 +33,8 @@ WIDTH, HEIGHT = 32, 24
 OPTICAL = (0.5, -0.5, 0.5, -0.5)
 """Quaternion xyzw of a camera's optical frame on a body with x forward."""
 TF_TYPES = "geometry_msgs/TransformStamped[] transforms\n"
+CAMERA: Mounting = ((0.12, 0.03, 0.5), OPTICAL)
 KINDS = ("bag", "bag.bz2", "bag.lz4", "db3", "mcap", "mcap.zstd", "db3.message", "mcap.file")
-Mounting = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
 
 @dataclass
@@ -283,3 +288,22 @@ def _writer(folder: Path, kind: str) -> tuple[Writer1 | Writer2, Path]:
     if how:
         writer2.set_compression(modes[how], CompressionFormat.ZSTD)
     return writer2, folder / "drive"
+
+
+def read(drive: Drive, kind: str = "bag", topics: Topics | None = None) -> Sequence:
+    """The drive by way of a bag that is gone when this returns."""
+    with tempfile.TemporaryDirectory() as folder:
+        return open_sequence(write_bag(drive, Path(folder), kind), topics)
+
+
+def off_walls(sequence: Sequence) -> float:
+    """m: how far the farthest return lies from the room's walls, scans laid out by the odometry."""
+    assert sequence.odometry is not None
+    poses = sequence.odometry.at(sequence.scans.timestamps)
+    worst = 0.0
+    for i in range(len(sequence.scans)):
+        points = apply2(poses[i], sequence.scans.points(i))
+        assert len(points) == sequence.scans.ranges.shape[1]
+        beyond = np.abs(points) - HALF
+        worst = max(worst, float(np.abs(beyond.max(axis=1)).max()))
+    return worst

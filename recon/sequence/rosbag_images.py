@@ -163,25 +163,16 @@ def _camera_topic(
 
     named: whether the user named the topic, and the CameraInfo.
     """
-    topic_named, info_named = named
     message = _first(storage, decoder, topic)
     if message is None:
         return "cannot be decoded"
-    if hasattr(message, "encoding"):
-        if message.encoding in DEPTHS and not (topic_named and message.encoding in ENCODINGS):
-            return "" if not topic_named else f"holds {message.encoding}, which is no picture"
-        if message.encoding not in ENCODINGS:
-            return f"has the encoding {message.encoding!r}, which is not known"
-        colour, extension = is_colour(message.encoding), "png"
-    else:
-        kind = file_kind(bytes(message.data[:16]))
-        if kind is None:
-            return "" if "depth" in message.format.lower() else f"has the format {message.format!r}, not JPEG or PNG"
-        colour, extension = True, kind
-    size = _size(message)
+    kind = _picture_kind(message, named[0])
+    if isinstance(kind, str):
+        return kind
+    size, image_frame = _size(message), frame(message.header.frame_id)
     if size is None:
         return "starts with a damaged image"
-    info = _matching(topic, frame(message.header.frame_id), infos, info_named)
+    info = _matching(topic, image_frame, infos, named[1])
     if info is None:
         return "has no CameraInfo (name one with --camera-info-topic)"
     said: list[str] = []
@@ -195,7 +186,20 @@ def _camera_topic(
         said.append(f"scaled from {camera.width} x {camera.height} to {size[0]} x {size[1]} pixels")
         camera = fitted
     warnings += [f"{info}: {line}" for line in said]
-    return CameraTopic(topic, colour, camera, frame(message.header.frame_id), extension)
+    return CameraTopic(topic, kind[0], camera, image_frame, kind[1])
+
+
+def _picture_kind(message: Any, named: bool) -> tuple[bool, str] | str:
+    """Whether in colour, and the suffix of files of such images; or why they are no pictures, empty for depth."""
+    if hasattr(message, "encoding"):
+        encoding = message.encoding
+        if encoding in DEPTHS and not (named and encoding in ENCODINGS):
+            return f"holds {encoding}, which is no picture" if named else ""
+        return (is_colour(encoding), "png") if encoding in ENCODINGS else f"has the unknown encoding {encoding!r}"
+    kind = file_kind(bytes(message.data[:16]))
+    if kind is None:
+        return "" if "depth" in message.format.lower() else f"has the format {message.format!r}, not JPEG or PNG"
+    return True, kind
 
 
 def _matching(topic: Topic, image_frame: str, infos: dict[str, Any], named: bool) -> str | None:

@@ -14,6 +14,7 @@ from recon.cli.options import PATH, configuration, examples, resolve_config, top
 if TYPE_CHECKING:
     from recon.config import Config
     from recon.sequence.sequence import Sequence
+    from recon.tape import TapeMeasures
 
 
 @click.command(
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
         "recon build drive/ -o model.usd",
         "recon build drive/ -o model.glb -o plan.dxf -o plan.svg",
         "recon build drive.bag -o model.usd --scan-topic /front/scan",
+        "recon build drive/ -o model.usd --tape tape.csv   (walls by their ids in layout.json)",
         "recon build drive/ --work result.recon --config site.toml --seed 7",
     ),
 )
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 @click.option("--work", type=PATH, help="Result folder (default: the first output with the suffix .recon).")
 @topic_choice
 @click.option("--backend", type=click.Choice(["graph", "ekf"]), help="Factor graph (default), or the paper's filter.")
+@click.option("--tape", type=PATH, help="CSV of distances measured by hand: wall_a,wall_b,distance,sigma.")
 @configuration
 @verbosity
 def build(
@@ -48,6 +51,7 @@ def build(
     camera_info_topic: str | None,
     odom_topic: str | None,
     backend: Literal["graph", "ekf"] | None,
+    tape: Path | None,
     config_file: Path | None,
     seed: int | None,
     workers: int | None,
@@ -62,6 +66,7 @@ def build(
     from recon.exporters import check_outputs
     from recon.sequence.open import open_sequence
     from recon.sequence.topics import Topics
+    from recon.tape import read_tape
 
     if not outputs and work is None:
         raise click.UsageError("Give an output with -o (for example -o model.usd), or a result folder with --work.")
@@ -70,13 +75,21 @@ def build(
         config = replace(config, graph=replace(config.graph, backend=backend))
     check_outputs(list(outputs))
     folder = work_folder(outputs, work)
+    measures = None if tape is None else read_tape(tape)
     drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))
     for message in drive.warnings:
         warn(message, quiet)
-    _build(drive, config, folder, outputs, quiet)
+    _build(drive, config, measures, folder, outputs, quiet)
 
 
-def _build(drive: Sequence, config: Config, folder: Path, outputs: tuple[Path, ...], quiet: bool) -> None:
+def _build(
+    drive: Sequence,
+    config: Config,
+    tape: TapeMeasures | None,
+    folder: Path,
+    outputs: tuple[Path, ...],
+    quiet: bool,
+) -> None:
     """The work; its imports take seconds and come after everything that is quickly refused."""
     from recon.cli.progress import terminal_progress
     from recon.cli.summary import summary
@@ -85,7 +98,7 @@ def _build(drive: Sequence, config: Config, folder: Path, outputs: tuple[Path, .
     from recon.results import save_result
 
     progress = terminal_progress(quiet)
-    result = build_model(drive, config, progress)
+    result = build_model(drive, config, progress, tape)
     with progress.stage("writing"):
         save_result(result, folder)
         for path in outputs:

@@ -19,6 +19,7 @@ from recon.calibration.calibrate import calibrate, check_given
 from recon.calibration.frames import collect_frames
 from recon.calibration.result import Calibration
 from recon.config import Config
+from recon.errors import ConfigError
 from recon.faces import extrude
 from recon.geometry import Array, Pose3, between2
 from recon.graph.boundary import boundary_observations
@@ -27,6 +28,7 @@ from recon.graph.estimate import MapEstimate
 from recon.graph.motion import Motion
 from recon.graph.observation import WallObservations
 from recon.graph.solve import solve_graph
+from recon.graph.tape import Tape
 from recon.layout.build import build_layout
 from recon.layout.heights import measure_ceiling
 from recon.layout_json import layout_from_json, layout_to_json
@@ -41,6 +43,7 @@ from recon.progress import SILENT, Progress, Stage
 from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
+from recon.tape import TapeMeasures, surprises, tape_on_layout
 from recon.texture.texture import texture_faces
 from recon.vision.frame import FrameLines
 from recon.vision.frame_lines import detect_lines, relabel
@@ -62,6 +65,7 @@ class Build:
     seconds: dict[str, float]
     counts: dict[str, int]
     warnings: tuple[str, ...]
+    tape: TapeMeasures | None = None
 
 
 @dataclass
@@ -79,17 +83,27 @@ class _Run:
         start = time.perf_counter()
         with self.progress.stage(name, total, unit) as stage:
             yield stage
-        self.seconds[name] = round(time.perf_counter() - start, 3)
+        self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - start, 3)
 
 
-def build(sequence: Sequence, config: Config, progress: Progress = SILENT) -> Build:
-    """From one drive to a textured model with known accuracy."""
+def build(sequence: Sequence, config: Config, progress: Progress = SILENT, tape: TapeMeasures | None = None) -> Build:
+    """From one drive to a textured model with known accuracy.
+
+    tape: distances between walls, named by their ids in the layout of a build without them. Raises InputError for
+    walls that are not there, ConfigError where the backend takes no distances.
+    """
+    if tape is not None and config.graph.backend == "ekf":
+        raise ConfigError(f"{tape.path}: the filter takes no distances between walls, expected graph.backend 'graph'")
     run = _Run(progress, warnings=list(sequence.warnings))
     matching, segments = _scans(sequence, config, run)
     lines, vertical = _lines(sequence, config, run)
     calibration = _calibration(sequence, lines, vertical, matching.trajectory, segments, config, run)
     closed = _closed(sequence, matching, config, run)
     estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run)
+    if tape is not None:
+        named = tape_on_layout(tape, build_layout(estimate, sequence.scans, config.layout))
+        estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run, named)
+        run.warnings.extend(surprises(tape, estimate.tape))
     poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
     with run.stage("layout"):
         layout = build_layout(estimate, sequence.scans, config.layout)
@@ -108,6 +122,7 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT) -> Bu
         run.seconds,
         run.counts,
         tuple(dict.fromkeys(run.warnings)),
+        tape,
     )
 
 
@@ -199,6 +214,7 @@ def _estimate(
     segments: list[Segments],
     config: Config,
     run: _Run,
+    tape: Tape | None = None,
 ) -> MapEstimate:
     """Platform poses and wall lines from one factor graph, or from the paper's filter."""
     with run.stage("factor graph" if config.graph.backend == "graph" else "filter"):
@@ -214,7 +230,7 @@ def _estimate(
         if config.graph.backend == "ekf":
             estimate = solve_filter(*given)
         else:
-            estimate = solve_graph(*given, config.graph, closed=len(closed.closures) > 0)
+            estimate = solve_graph(*given, config.graph, closed=len(closed.closures) > 0, tape=tape)
             pairs = np.stack([closed.closures.first, closed.closures.second], axis=1)
             estimate = replace(estimate, closures=pairs)
     run.counts["wall lines"] = len(estimate.walls)

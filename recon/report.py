@@ -48,6 +48,7 @@ def write_report(build: Build, folder: Path) -> None:
         _messages("What was assumed", model.notes),
         _overlays(folder),
         _section("Trajectory and accuracy", _drawing(build)),
+        _tape(build),
         _section("Walls", _walls(model.layout)),
         _section("Time", _table(("stage", "seconds"), [(name, f"{s:.2f}") for name, s in build.seconds.items()])),
     ]
@@ -113,6 +114,18 @@ def _overlays(folder: Path) -> str:
         for p in pictures
     ]
     return _section("What every pixel shows", f'<div class="views">{"".join(figures)}</div>')
+
+
+def _tape(build: Build) -> str:
+    """Distances measured by hand beside those of the model."""
+    if (tape := build.tape) is None:
+        return ""
+    rows: list[tuple[str, ...]] = [
+        (f"{a} to {b}", f"{d:.3f}", f"{s * 1000:.1f}", f"{m:.3f}", f"{(m - d) * 1000:+.1f}", f"{(m - d) / s:+.1f}")
+        for a, b, d, s, m in zip(tape.first, tape.second, tape.distance, tape.sigma, build.estimate.tape, strict=True)
+    ]
+    head = ("walls", "measured, m", "sigma, mm", "model, m", "residual, mm", "residual, sigmas")
+    return _section("Measured by hand", _table(head, rows))
 
 
 def _walls(layout: Layout) -> str:

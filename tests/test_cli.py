@@ -73,7 +73,7 @@ def test_five_lines_say_what_was_found(
 ) -> None:
     seen: list[Any] = []
 
-    def build(sequence: Any, config: Any, progress: Progress) -> StandInBuild:
+    def build(sequence: Any, config: Any, progress: Progress, tape: Any) -> StandInBuild:
         seen.append((sequence.name, config.seed, config.workers))
         with progress.stage("image lines", total=2, unit="images") as stage:
             stage.advance()

@@ -46,6 +46,7 @@ class MapEstimate:
     pose_sigmas: (N, 3) one standard deviation of x, y (m) and yaw (rad), relative to the first pose.
     odometry_scale: estimated factor true / reported of the given odometry's distances, None without odometry.
     residuals: root mean square of normalised residuals by kind of factor (1 = as expected).
+    tape: (T,) m, solved distances between the walls that were measured by hand.
     closures: (L, 2) scans that are one place visited again, as far as loop closure found and kept them.
     """
 
@@ -54,4 +55,5 @@ class MapEstimate:
     walls: tuple[WallLine, ...]
     odometry_scale: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
+    tape: Array = field(default_factory=lambda: np.zeros(0))
     closures: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))

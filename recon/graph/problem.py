@@ -18,6 +18,7 @@ from recon.graph.motion import Motion, information_beyond_walls, sqrt_informatio
 from recon.graph.observation import WallObservations
 from recon.graph.odometry import OdometryModel
 from recon.graph.relations import Axis
+from recon.graph.tape import TAPE_ROBUST, Tape, tape_factors, tape_spans
 
 Ints = NDArray[np.int64]
 
@@ -41,6 +42,7 @@ class Problem:
     walls: Lines
     odometry: OdometryModel | None = None
     axes: tuple[Axis, ...] = ()
+    tape: Tape | None = None
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,10 @@ def build(problem: Problem, redescending: bool) -> Graph:
         rows["odometry"] = _between(factors, some, some + 1, relative, root, cauchy)
     _add_walls(factors, problem, rows, cauchy if redescending else huber)
     _add_axes(factors, problem, rows, cauchy)
+    if problem.tape is not None:
+        pairs, spans = tape_spans(problem.tape, problem.walls, walls)
+        keys, trusted = len(poses) + pairs, gtsam.noiseModel.mEstimator.Huber.Create(TAPE_ROBUST)
+        rows["tape"] = _between(factors, keys[:, 0], keys[:, 1], *tape_factors(spans, problem.tape), trusted)
     return Graph(factors, initial, rows, len(poses) + len(walls) + len(problem.axes))
 
 

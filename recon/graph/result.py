@@ -13,6 +13,7 @@ from recon.graph.line import Difference, Lines, carry
 from recon.graph.observation import WallObservations
 from recon.graph.optimise import Solution, motion_residuals, wall_residuals
 from recon.graph.problem import Problem
+from recon.graph.tape import tape_spans
 from recon.model import Source
 from recon.sequence.trajectory import Trajectory
 
@@ -61,6 +62,7 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
         unshadowed(walls),
         scale,
         residuals(problem, solution),
+        tape_distances(problem, solution),
     )
 
 
@@ -94,6 +96,13 @@ def pose_sigmas(solution: Solution) -> Array:
     return np.sqrt(np.maximum(variance, 0))
 
 
+def tape_distances(problem: Problem, solution: Solution) -> Array:
+    """(T,) m: solved distances between the walls that were measured by hand."""
+    if problem.tape is None:
+        return np.zeros(0)
+    return np.abs(tape_spans(problem.tape, problem.walls, solution.walls)[1].signed)
+
+
 def residuals(problem: Problem, solution: Solution) -> dict[str, float]:
     """Root mean square normalised residual, per degree of freedom, by kind of factor."""
     squared = wall_residuals(problem, solution)
@@ -104,6 +113,9 @@ def residuals(problem: Problem, solution: Solution) -> dict[str, float]:
         motions["odometry"] = problem.odometry.motion
     for name, motion in motions.items():
         kinds[name] = (motion_residuals(motion.relative, motion.covariance, solution.poses), 3)
+    if problem.tape is not None:
+        off = (tape_distances(problem, solution) - problem.tape.distance) / problem.tape.sigma
+        kinds["tape"] = (off**2, 1)
     return {name: float(np.sqrt(np.mean(d) / dof)) for name, (d, dof) in kinds.items() if len(d)}
 
 

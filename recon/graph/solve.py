@@ -20,6 +20,7 @@ from recon.graph.optimise import Solution, optimise, variance_factor
 from recon.graph.problem import Problem
 from recon.graph.relations import Axis, find_axes
 from recon.graph.result import LEAST_SIGHTINGS, map_estimate, sightings
+from recon.graph.tape import Tape
 from recon.sequence.trajectory import Trajectory
 
 Ints = NDArray[np.int64]
@@ -48,6 +49,7 @@ def solve_graph(
     odometry: Trajectory | None = None,
     config: GraphConfig | None = None,
     closed: bool = False,
+    tape: Tape | None = None,
 ) -> MapEstimate:
     """Poses at every scan and wall lines, with covariances, from one factor graph.
 
@@ -56,7 +58,8 @@ def solve_graph(
     and noise estimated. First walls grow along the drive; after a solution those that are one are merged and
     everything is associated anew with the better poses, twice. The first solution, without odometry, tells how good
     odometry and segments are; the second tells which walls are square. closed: the trajectory is right wherever a place
-    is visited again; then walls of all visits are associated from the start.
+    is visited again; then walls of all visits are associated from the start. tape: distances between walls measured by
+    hand, which the last solution keeps to; raises InputError where it does not know those walls.
     """
     config = config or GraphConfig()
     drift = Drift.solved(len(trajectory)) if closed else Drift.of_motion(motion, trajectory.poses)
@@ -76,7 +79,7 @@ def solve_graph(
         state = _rescaled(_merged(state, solution), problem, solution, observations)
 
     state = _drop_rare(_reassigned(state, observations), observations)
-    problem, solution = _solve(state, motion, observations, final=True)
+    problem, solution = _solve(state, motion, observations, final=True, tape=tape)
     return map_estimate(trajectory.timestamps, problem, solution)
 
 
@@ -89,7 +92,7 @@ def _start(trajectory: Trajectory, drift: Drift, observations: WallObservations)
 
 
 def _solve(
-    state: _State, motion: Motion, observations: WallObservations, final: bool = False
+    state: _State, motion: Motion, observations: WallObservations, final: bool = False, tape: Tape | None = None
 ) -> tuple[Problem, Solution]:
     used = np.flatnonzero(state.labels != NONE)
     scaled = WallObservations(
@@ -98,7 +101,7 @@ def _solve(
         observations.covariance[used] * state.variance[used, None, None],
         observations.image[used],
     )
-    problem = Problem(state.poses, motion, scaled, state.labels[used], state.walls, state.odometry, state.axes)
+    problem = Problem(state.poses, motion, scaled, state.labels[used], state.walls, state.odometry, state.axes, tape)
     return problem, optimise(problem, final)
 
 

@@ -27,6 +27,7 @@ def metrics(build: Build) -> dict[str, Any]:
         "residuals": build.estimate.residuals,
         "odometry_scale": build.estimate.odometry_scale,
         "calibration": _calibration(build),
+        "tape": _tape(build),
         "faces": {f.name: {"seen_fraction": round(f.seen_fraction, 4)} for f in build.model.faces},
         "warnings": list(build.warnings),
         "versions": {"recon": recon.__version__, "python": platform.python_version(), **_versions()},
@@ -45,6 +46,23 @@ def _calibration(build: Build) -> dict[str, Any] | None:
         "images": len(build.calibration.inlier_frames),
         "explained": round(build.calibration.inlier_fraction, 4),
     }
+
+
+def _tape(build: Build) -> list[dict[str, Any]]:
+    """Distances measured by hand, what they are in the model, and the difference in standard deviations."""
+    if (tape := build.tape) is None:
+        return []
+    rows = zip(tape.first, tape.second, tape.distance, tape.sigma, build.estimate.tape, strict=True)
+    return [
+        {
+            "walls": [int(a), int(b)],
+            "measured": float(distance),
+            "sigma": float(sigma),
+            "solved": round(float(solved), 5),
+            "residual": round(float((solved - distance) / sigma), 3),
+        }
+        for a, b, distance, sigma, solved in rows
+    ]
 
 
 def _versions() -> dict[str, str]:

@@ -107,5 +107,9 @@ def _tiles(sequence: Sequence) -> Picture | None:
 
 
 def _write(picture: Picture, text: str, corner: tuple[int, int]) -> None:
-    for colour, thickness in ((PAPER, 3), (INK, 1)):
-        cv2.putText(picture, text, corner, cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, thickness, cv2.LINE_AA)
+    """Ink on a patch of paper: an outline in another weight would have other widths."""
+    font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+    (width, height), below = cv2.getTextSize(text, font, scale, 1)
+    x, y = corner
+    cv2.rectangle(picture, (x - 3, y - height - 3), (x + width + 3, y + below + 1), PAPER, cv2.FILLED)
+    cv2.putText(picture, text, corner, font, scale, INK, 1, cv2.LINE_AA)

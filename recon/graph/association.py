@@ -29,6 +29,8 @@ MAX_DRIFT = 0.15
 """m: beyond this much drift nearness says nothing about which wall it is."""
 MAX_HEADING_DRIFT = 0.05
 """rad: the same for the heading."""
+MARGIN = 1.0
+"""m: walls that miss the circle around a scan's segments by more are not compared with them."""
 CHUNK = 2000
 """Segments that are compared with all walls at a time."""
 
@@ -92,6 +94,13 @@ class WallTable:
         n = self.size
         return Lines(self._pose[:n, :2], self._pose[:n, 2], self._half[:n], self._covariance[:n])
 
+    def near(self, lines: Lines) -> Ints:
+        """Walls that may touch one of the lines."""
+        centre = lines.middle.mean(axis=0)
+        radius = float((np.linalg.norm(lines.middle - centre, axis=1) + lines.half).max())
+        away = self._pose[: self.size, :2] - centre
+        return np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) <= self._half[: self.size] + radius + MARGIN)
+
     def seen(self) -> tuple[Ints, Ints]:
         """First and last scan (W,) that saw each wall."""
         return self._first[: self.size], self._last[: self.size]
@@ -136,19 +145,22 @@ def track(lines: Lines, scan: Ints, poses: Array, drift: Drift) -> Ints:
 
 def _track_scan(table: WallTable, lines: Lines, scan: int, poses: Array, drift: Drift) -> Ints:
     labels = np.full(len(lines), NONE, dtype=np.int64)
-    if table.size:
-        walls = table.lines
+    near = table.near(lines)
+    if len(near):
+        walls = table.lines[near]
         difference = Difference.between(lines, walls)
         normals = np.stack([-np.sin(walls.angle), np.cos(walls.angle)], axis=1)
-        across, heading = drift.between(scan, *table.seen(), normals)
+        first, last = table.seen()
+        across, heading = drift.between(scan, first[near], last[near], normals)
         lever = np.sum((lines.middle - poses[scan, :2]) * lines.direction, axis=1)
         moved = _pose_covariance(lever[:, None], across[None], heading[None])
         noise = lines.covariance + _pose_covariance(lever, drift.floor_position**2, drift.floor_heading**2)
         spread = carry(walls.covariance[None], difference.along) + moved + (noise + flatness(lines))[:, None]
-        labels = _nearest(difference, spread)
+        found = _nearest(difference, spread)
         noisy = replace(lines, covariance=noise)
-        for k in np.flatnonzero(labels != NONE):
-            table.update(int(labels[k]), noisy[k : k + 1], moved[k, labels[k]], scan)
+        for k in np.flatnonzero(found != NONE):
+            labels[k] = near[found[k]]
+            table.update(int(labels[k]), noisy[k : k + 1], moved[k, found[k]], scan)
     new = labels == NONE
     labels[new] = table.add(lines[new], scan)
     return labels

@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.sparse import csr_array
 
 from recon.geometry import Array
 
 BAND = 5
 """Diagonals above the main one that neighbouring poses fill."""
-CHUNK = 500
-"""Poses whose covariances are computed at a time."""
+CHUNK = 192
+"""Columns that are solved for at a time: memory does not grow with poses times walls."""
 
 
 class JointCovariance:
@@ -38,8 +39,11 @@ class JointCovariance:
             self._band[-1 - k, k:] = information[:split, :split].diagonal(k)
         self._root = cholesky_banded(self._band)
         self._across = csr_array(information[split:, :split])
-        self._lever = self._solve_poses(self._across.toarray().T)  # how poses follow the rest
-        self._rest = np.linalg.inv(information[split:, split:].toarray() - self._across @ self._lever)
+        reduced = information[split:, split:].toarray()
+        for start in range(0, size - split, CHUNK):
+            columns = slice(start, start + CHUNK)
+            reduced[:, columns] -= self._across @ self._solve_poses(self._across[columns].toarray().T)
+        self._rest = _inverse(reduced)
         self._split = split
         self._unknown = np.zeros(size)
 
@@ -59,10 +63,11 @@ class JointCovariance:
         """(N, 3, 3) marginal covariance of every pose."""
         change = self._unknown[: self._split].reshape(-1, 3)
         out = self._chain_blocks() + change[:, :, None] * change[:, None]
-        for start in range(0, self._split, 3 * CHUNK):
-            part = self._lever[start : start + 3 * CHUNK]
-            wide = (part @ self._rest).reshape(len(part) // 3, 3, part.shape[1])
-            out[start // 3 : start // 3 + CHUNK] += wide @ part.reshape(wide.shape).transpose(0, 2, 1)
+        root = np.linalg.cholesky(self._rest)
+        for start in range(0, len(root), CHUNK):
+            # how poses follow the rest, times the root of its covariance
+            part = self._solve_poses(self._across.T @ root[:, start : start + CHUNK]).reshape(len(out), 3, -1)
+            out += part @ part.transpose(0, 2, 1)
         return out
 
     def leverage(self, rows: NDArray[np.int64], probes: int = 8) -> float:
@@ -80,7 +85,7 @@ class JointCovariance:
         """The inverse of the information times `right` (V, n)."""
         poses = self._solve_poses(right[: self._split])
         others = self._rest @ (right[self._split :] - self._across @ poses)
-        return np.concatenate([poses - self._lever @ others, others])
+        return np.concatenate([poses - self._solve_poses(self._across.T @ others), others])
 
     def _solve_poses(self, right: Array) -> Array:
         return np.asarray(cho_solve_banded((self._root, False), right, check_finite=False))
@@ -104,3 +109,14 @@ class JointCovariance:
                 away = abs(shift + j - i)
                 out[:, i, j] = self._band[-1 - away, shift + (j if shift else max(i, j)) :: 3]
         return out
+
+
+def _inverse(matrix: Array) -> Array:
+    """Of a positive definite matrix, by its Cholesky factor."""
+    if not len(matrix):
+        return matrix
+    factor, failed = dpotrf(matrix, lower=1)
+    if failed:
+        raise np.linalg.LinAlgError("the information of the walls is not positive definite")
+    inverse, _ = dpotri(factor, lower=1)
+    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)

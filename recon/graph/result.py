@@ -120,21 +120,25 @@ def residuals(problem: Problem, solution: Solution) -> dict[str, float]:
 
 
 def unshadowed(walls: list[WallLine]) -> tuple[WallLine, ...]:
-    """Without walls that are another's echo."""
-    return tuple(w for w in walls if not _shadowed(w, walls))
+    """Without walls just before or behind which a wall seen far more often runs along most of their length."""
+    if not walls:
+        return ()
+    pose, seen = np.array([w.pose for w in walls]), np.array([w.observations for w in walls])
+    kept = []
+    for wall in walls:
+        turn = np.abs(wrap_angle(wall.pose[2] - pose[:, 2]))
+        to = wall.pose[:2] - pose[:, :2]
+        offset = np.abs(np.cos(pose[:, 2]) * to[:, 1] - np.sin(pose[:, 2]) * to[:, 0])
+        beside = np.flatnonzero((seen > 2 * wall.observations) & (turn <= 0.15) & (offset <= SHADOW))
+        if not any(_covers(walls[k], wall) for k in beside):
+            kept.append(wall)
+    return tuple(kept)
 
 
-def _shadowed(wall: WallLine, walls: list[WallLine]) -> bool:
-    """Whether a wall seen far more often runs just before or behind this one along most of its length."""
+def _covers(other: WallLine, wall: WallLine) -> bool:
+    """Whether `other` runs along more than half the length of `wall`."""
+    along = float((wall.pose[:2] - other.pose[:2]) @ other.direction)
+    low = np.maximum.outer(wall.intervals[:, 0] + along, other.intervals[:, 0])
+    high = np.minimum.outer(wall.intervals[:, 1] + along, other.intervals[:, 1])
     length = float(np.diff(wall.intervals, axis=1).sum())
-    for other in walls:
-        turn = float(wrap_angle(wall.pose[2] - other.pose[2]))
-        offset = float((wall.pose[:2] - other.pose[:2]) @ other.normal)
-        if other.observations <= 2 * wall.observations or abs(turn) > 0.15 or abs(offset) > SHADOW:
-            continue
-        along = float((wall.pose[:2] - other.pose[:2]) @ other.direction)
-        low = np.maximum.outer(wall.intervals[:, 0] + along, other.intervals[:, 0])
-        high = np.minimum.outer(wall.intervals[:, 1] + along, other.intervals[:, 1])
-        if np.maximum(high - low, 0).sum() > 0.5 * length:
-            return True
-    return False
+    return bool(np.maximum(high - low, 0).sum() > 0.5 * length)

@@ -84,5 +84,5 @@ def _top(layers: Array) -> float | None:
     """The lowest height, m, at which full cells (z,) end."""
     for i in range(int(LOWEST / CELL), len(layers) - ABOVE):
         if layers[i : i + ABOVE].max() < DROP * layers[i - 2 : i].min():
-            return i * CELL
+            return (i - 1 + min(1.0, float(layers[i - 1] / layers[i - 2]))) * CELL  # the last may be part full
     return None

@@ -19,7 +19,7 @@ FARTHEST = 12.0
 ABOVE = 0.3
 """m above a thing that is looked at too."""
 LEAST_PIXELS = 12
-MARGIN = 0.06
+MARGIN = 0.05
 """m by which a thing's outline may differ from the scanner's: full belief in and disbelief outside it start there."""
 OVERHANG = 2.5
 """Margins beyond which nothing of a thing is expected."""
@@ -29,7 +29,7 @@ BETWEEN = -1.5
 """Log odds in the reach of a thing but not in its core."""
 CORE = 0.4
 """m of height of legs, from which the colours of the thing are first learned."""
-SMOOTHNESS, LEAST_SMOOTHNESS = 3.0, 0.1
+SMOOTHNESS, LEAST_SMOOTHNESS = 4.5, 0.1
 """Cost of parting equal neighbours, and any neighbours."""
 NEVER = -100.0
 LEAST_CONTRAST = 5.0

@@ -12,7 +12,7 @@ from recon.geometry import Array
 from recon.model import FloorObject, Wall
 from recon.segmentation.column import Column
 
-LEG = 0.16
+LEG = 0.22
 """m: what is thinner may be a leg of something."""
 LEGS_APART = 1.1
 """m between neighbouring legs of one thing, at most."""

@@ -5,15 +5,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from recon.geometry import Array
 
 BINS = 24
 LIGHTNESS, HUE = 11.0, 5.0
 """Levels of CIE Lab (8 bit) a bin."""
-BLUR = 1.0
-"""Bins."""
+BLUR = 2
+"""Rounds of `smooth`: the standard deviation is the root of half of them, in bins."""
 
 
 def colour_bins(image: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -26,9 +25,11 @@ def colour_bins(image: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 def density(bins: NDArray[np.int64], weight: Array, unknown: float) -> Array:
     """Density (BINS^3,) of colours with weights, 1 on average; blurred, the share `unknown` spread evenly."""
+    from recon.segmentation.kernels import smooth  # numba takes a while to import
+
     counts = np.bincount(bins.ravel(), weight.ravel(), BINS**3)
     total = float(counts.sum())
     if total <= 0:
         return np.ones(BINS**3)
-    smooth = gaussian_filter(counts.reshape(BINS, BINS, BINS), BLUR, mode="nearest", truncate=2.5).ravel()
-    return np.asarray((1 - unknown) * smooth * (BINS**3 / total) + unknown)
+    grid = smooth(counts.reshape(BINS, BINS, BINS).astype(np.float64), BLUR)
+    return np.asarray((1 - unknown) * (BINS**3 / total) * grid.ravel() + unknown)

@@ -31,19 +31,11 @@ class Column:
         Lowest height (...), m, in it: things that stand there and are higher than this stop the ray; inf for rays
         that miss. Distance (...) to where it enters, in units of |direction|.
         """
-        ends = np.roll(self.outline, -1, axis=0)
-        along = ends - self.outline
-        outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
-        enter, leave = np.zeros(directions.shape[:-1]), np.full(directions.shape[:-1], np.inf)
-        for corner, normal in zip(self.outline, outward, strict=True):  # Cyrus and Beck 1978
-            gap = float((corner - origin[:2]) @ normal)
-            speed = directions[..., :2] @ normal
-            with np.errstate(divide="ignore", invalid="ignore"):
-                reach = gap / speed
-            enter = np.where(speed < 0, np.maximum(enter, reach), enter)
-            leave = np.where(speed > 0, np.minimum(leave, reach), leave)
-            leave = np.where((speed == 0) & (gap < 0), -1.0, leave)
-        first = origin[2] + enter * directions[..., 2]
-        last = origin[2] + np.minimum(leave, 1e6) * directions[..., 2]
-        missed = (enter >= leave) | (np.maximum(first, last) < 0) | (first < 0)
-        return np.where(missed, np.inf, np.maximum(np.minimum(first, last), 0.0)), enter
+        from recon.segmentation.kernels import clip_rays  # numba takes a while to import
+
+        along = np.roll(self.outline, -1, axis=0) - self.outline
+        outward = np.ascontiguousarray(np.stack([along[:, 1], -along[:, 0]], axis=1))
+        gaps = np.einsum("ij,ij->i", self.outline - origin[:2], outward)
+        flat = np.ascontiguousarray(directions.reshape(-1, 3))
+        lowest, enter = clip_rays(outward, gaps, float(origin[2]), flat)
+        return lowest.reshape(directions.shape[:-1]), enter.reshape(directions.shape[:-1])

@@ -16,8 +16,10 @@ REFINEMENT = (1.0, 1.0, 0.7, 0.5, 0.5, 0.5)  # of the tolerance
 MAX_ROUNDS = 3
 MAX_STARTS = 3
 NEXT_PLANE, LOWEST_PLANE = 0.02, 1.3  # m below the plane found (a baseboard's edge, a chair rail) to look for the floor
-PLANE_PEAK, PLANE_EVIDENCE = 0.3, 0.5  # of the score and the evidence of the plane found
-PLANE_FRACTION = 0.72  # of the share of projected feet that the plane found explains
+PLANE_PEAK, PLANE_EVIDENCE = 0.3, 0.4  # of the score and the evidence of the plane found
+PLANE_FRACTION = 0.5  # of the share of projected feet that the plane found explains, in a band of distance
+MAX_SILENT = 0.15  # of all projected feet, in bands with less
+BANDS = (0.8, 1.1, 1.4, 2.0, 3.0, 5.0)  # m from the camera to the wall
 MIN_FOOT = 80.0  # pixels of foot in an image before it counts
 MIN_FRACTION = 0.4  # of the feet in an image that lines must explain: the paper's inlier threshold
 
@@ -85,7 +87,7 @@ class PoseSearch:
 
         A baseboard's upper edge or a chair rail runs parallel to the wall's foot all around the building and explains
         the LiDAR as well as the foot; the floor is the lowest plane that lines support. A border on the floor supports
-        only some walls (the scale that suits near ones does not suit far ones), so less of what is projected.
+        one only at some distances: the scale that suits near walls does not suit far ones.
         """
         pose, offset = found.refined.platform_from_camera, found.refined.foot_offset
         lower = np.arange(0.0, LOWEST_PLANE + 0.015, 0.01)
@@ -100,10 +102,34 @@ class PoseSearch:
         return found
 
     def _is_floor(self, candidate: Found, found: Found) -> bool:
-        """Whether a plane below has enough evidence and explains enough of what it projects."""
-        mine, theirs = (self.counts(f.refined).sum(axis=0) for f in (candidate, found))
-        enough = candidate.evidence > PLANE_EVIDENCE * found.evidence
-        return bool(enough and mine[0] / mine[1] > PLANE_FRACTION * theirs[0] / theirs[1])
+        """Whether a plane below has evidence, and its lines explain near walls and far ones alike."""
+        if candidate.evidence < PLANE_EVIDENCE * found.evidence:
+            return False
+        mine, theirs = self._by_distance(candidate.refined), self._by_distance(found.refined)
+        share, usual = (c[:, 0] / np.maximum(c[:, 1], 1.0) for c in (mine, theirs))
+        silent = share < PLANE_FRACTION * usual
+        return bool(mine[silent, 1].sum() < MAX_SILENT * mine[:, 1].sum())
+
+    def _by_distance(self, refined: Refinement) -> Array:
+        """(BANDS, 2) explained and projected pixels of the feet of walls at growing distance from the camera."""
+        walls, pose = self._frames.segments, refined.platform_from_camera
+        along = walls[:, 1] - walls[:, 0]
+        from_camera = pose.translation[:2] - walls[:, 0]
+        across = along[:, 0] * from_camera[:, 1] - along[:, 1] * from_camera[:, 0]
+        band = np.digitize(np.abs(across) / np.linalg.norm(along, axis=1), BANDS)
+        return np.array(
+            [
+                support(
+                    self._frames.with_segments(band == b),
+                    self._camera,
+                    pose,
+                    self._tolerance,
+                    None,
+                    refined.foot_offset,
+                ).sum(axis=0)
+                for b in range(len(BANDS) + 1)
+            ]
+        )
 
     def _best(self, poses: list[Pose3], best: Found | None) -> Found | None:
         for pose in poses:

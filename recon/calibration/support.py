@@ -6,7 +6,7 @@ image and compared there, where the noise is the same near and far.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -56,6 +56,16 @@ class CalibrationFrames:
             self.segment_groups[segment],
             np.cumsum([0, *map(len, segments)]),
             self.images[keep],
+        )
+
+    def with_segments(self, keep: NDArray[np.bool_]) -> CalibrationFrames:
+        """The same images with those segments (M,) only."""
+        before = np.concatenate([[0], np.cumsum(keep)])
+        return replace(
+            self,
+            segments=self.segments[keep],
+            segment_groups=self.segment_groups[keep],
+            segment_offsets=before[self.segment_offsets],
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.geometry import Array, Pose3
 from recon.segmentation.crop import Crop
@@ -13,6 +14,8 @@ from recon.sequence.camera import Camera
 
 CELL = 0.04
 """m"""
+MOST_CELLS = 400
+"""In one layer; cells of wide things are wider."""
 CORE = 0.4
 """m: below are pixels from which the colours of the legs are first learned."""
 LEAST_VIEWS = 3
@@ -40,14 +43,15 @@ def legged_span(
     A soft visual hull (Laurentini 1994) of what differs from the background.
     """
     cells = _cells(thing, top)
+    places = [_places(cells, crop, pose, camera) for crop, pose in zip(crops, poses, strict=True)]
     legs = [(crop.lowest < CORE).astype(float) for crop in crops]
     weights, height = legs, None
     for _ in range(ROUNDS):
         if not any(weight.any() for weight in weights):
             return None
         evidence = learned(crops, weights)
-        scores = _scores(cells, crops, evidence, poses, camera)
-        height = _top(np.count_nonzero(scores > FULL, axis=(0, 1)))
+        full = _scores(places, evidence).reshape(cells.shape[:3]) > FULL
+        height = _top(np.count_nonzero(full, axis=(0, 1)))
         if height is None:
             return None
         inside = [(crop.reach < height) & (e > 1.5) for crop, e in zip(crops, evidence, strict=True)]
@@ -58,26 +62,31 @@ def legged_span(
 def _cells(thing: Thing, top: float) -> Array:
     """Centres (x, y, z, 3) of cells in the thing's reach, m."""
     low, high = thing.reach.outline.min(axis=0) - CELL, thing.reach.outline.max(axis=0) + CELL
-    axes = [np.arange(a, b + CELL, CELL) for a, b in zip(low, high, strict=True)]
+    width = max(CELL, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    axes = [np.arange(a, b + width, width) for a, b in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes, np.arange(CELL / 2, top, CELL), indexing="ij"), axis=-1)
 
 
-def _scores(cells: Array, crops: list[Crop], evidence: list[Array], poses: list[Pose3], camera: Camera) -> Array:
-    """Evidence (x, y, z) for every cell that all but a few crops exceed; -inf where too few see it."""
-    points = cells.reshape(-1, 3)
-    seen = np.full((len(crops), len(points)), np.inf)
-    for row, crop, found, pose in zip(seen, crops, evidence, poses, strict=True):
-        pixels = camera.project(pose.inverse().apply(points))
-        pixels = np.nan_to_num(pixels, nan=OFF, posinf=OFF, neginf=OFF).clip(OFF, -OFF)
-        r = np.round((pixels[:, 1] - crop.rows[0]) / crop.step).astype(np.int64)
-        c = np.round((pixels[:, 0] - crop.columns[0]) / crop.step).astype(np.int64)
-        inside = (r >= 0) & (r < len(crop.rows)) & (c >= 0) & (c < len(crop.columns))
+def _places(cells: Array, crop: Crop, pose: Pose3, camera: Camera) -> NDArray[np.int64]:
+    """Index (cells,) into the crop's pixels where each cell is seen, -1 outside."""
+    pixels = camera.project(pose.inverse().apply(cells.reshape(-1, 3)))
+    pixels = np.nan_to_num(pixels, nan=OFF, posinf=OFF, neginf=OFF).clip(OFF, -OFF)
+    row = np.round((pixels[:, 1] - crop.rows[0]) / crop.step).astype(np.int64)
+    column = np.round((pixels[:, 0] - crop.columns[0]) / crop.step).astype(np.int64)
+    inside = (row >= 0) & (row < len(crop.rows)) & (column >= 0) & (column < len(crop.columns))
+    return np.asarray(np.where(inside, row * len(crop.columns) + column, -1))
+
+
+def _scores(places: list[NDArray[np.int64]], evidence: list[Array]) -> Array:
+    """Evidence (cells,) that all but a few crops exceed; -inf where too few see a cell."""
+    seen = np.full((len(places), len(places[0])), np.inf)
+    for row, place, found in zip(seen, places, evidence, strict=True):
         wide = cv2.dilate(found.astype(np.float32), np.ones((3, 3), np.uint8))  # legs are thin
-        row[inside] = wide[r[inside], c[inside]]
+        row[place >= 0] = wide.ravel()[place[place >= 0]]
     seen.sort(axis=0)
     count = np.isfinite(seen).sum(axis=0)
-    quantile = seen[count * DISSENT // 100, np.arange(len(points))]
-    return np.asarray(np.where(count >= LEAST_VIEWS, quantile, -np.inf)).reshape(cells.shape[:3])
+    quantile = seen[count * DISSENT // 100, np.arange(seen.shape[1])]
+    return np.asarray(np.where(count >= LEAST_VIEWS, quantile, -np.inf))
 
 
 def _top(layers: Array) -> float | None:

@@ -49,6 +49,10 @@ LARGEST_WINDOW = (2.0, np.pi)
 """m, rad: bounds of the search."""
 FLOOR = (0.001, 0.0003)
 """m, rad: standard deviations of a relative motion that always stay."""
+SLIDING = 0.005
+"""m: standard deviation along some direction from which an alignment may have slid along it."""
+LEVEL = 400.0
+"""1/m^2: information to which points are levelled to see whether the scan fits better so."""
 RECOVERY = (1.0, np.radians(60.0))
 """m, rad: standard deviations that replace the prediction where nothing lies near it (clocks and wheels do slip)."""
 RECOVERED_OVERLAP = 0.6
@@ -145,7 +149,8 @@ class _Matcher:
         sigma = self._quality.sigma(motion)
         cloud, prior = self._cloud(k), compose2(before, motion.mean)
         turn = _turn(before[2])
-        found = _locate(cloud, self._keyframes.map, prior, turn @ np.diag(sigma**-2) @ turn.T, sigma, self._noise)
+        information, free = turn @ np.diag(sigma**-2) @ turn.T, not motion.from_odometry
+        found = _locate(cloud, self._keyframes.map, prior, information, sigma, self._noise, free)
         if _is_lost(found):
             found = _recover(cloud, self._keyframes.map, prior, self._noise) or found
         failed = _is_lost(found)
@@ -181,9 +186,18 @@ class _Matcher:
             self._quality.learn(motion, difference + pull @ difference, alone)
 
 
-def _locate(cloud: Cloud, local: LocalMap, prior: Array, information: Array, sigma: Array, noise: float) -> Alignment:
-    """Alignment from the prediction; where that is in doubt, also from the best place in a whole window."""
+def _locate(
+    cloud: Cloud, local: LocalMap, prior: Array, information: Array, sigma: Array, noise: float, free: bool
+) -> Alignment:
+    """Alignment from the prediction; where that is in doubt, also from the best place in a whole window.
+
+    free: nothing but constant velocity predicts, so that the scan may slide along a corridor.
+    """
     found = align(cloud, local, prior, prior, information, KERNEL, noise)
+    if free and _slides(found):
+        level = replace(cloud, information=np.minimum(cloud.information, LEVEL))
+        other = align(level, local, prior, prior, information, KERNEL, noise)
+        found = other if other.overlap >= found.overlap else found
     if found.overlap >= GOOD_OVERLAP and _surprise(found.pose, prior, information) < MAX_SURPRISE:
         return found
     window = np.clip(REACH * sigma[[0, 2]], SMALLEST_WINDOW, LARGEST_WINDOW)
@@ -191,6 +205,15 @@ def _locate(cloud: Cloud, local: LocalMap, prior: Array, information: Array, sig
     other = align(cloud, local, guess, prior, information, KERNEL, noise)
     gain = other.overlap - PRIOR_WEIGHT * _surprise(other.pose, prior, information)
     return other if gain > found.overlap - PRIOR_WEIGHT * _surprise(found.pose, prior, information) else found
+
+
+def _slides(found: Alignment) -> bool:
+    """Whether the scan hardly says where it is along some direction.
+
+    Walls that are not quite straight then push it far along a corridor, step by step, to a worse place.
+    """
+    spread = np.linalg.inv(found.information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
+    return bool(np.linalg.eigvalsh(spread[:2, :2])[-1] > SLIDING**2)
 
 
 def _is_lost(found: Alignment) -> bool:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import shapely
@@ -14,7 +17,7 @@ from numpy.typing import NDArray
 
 from recon.faces import extrude
 from recon.geometry import Array, Pose3
-from recon.labels import OBJECT
+from recon.labels import CEILING, OBJECT, UNLABELLED, LabelRenderer
 from recon.layout_json import layout_from_json, layout_to_json
 from recon.model import FloorObject, Layout
 from recon.raycast import RayScene
@@ -23,6 +26,9 @@ from recon.segmentation.heights import measure_objects
 from recon.segmentation.labelling import ObjectFinder
 from recon.segmentation.thing import join_legs
 from recon.sequence.camera import Camera
+from recon.sequence.groundtruth import read_groundtruth
+from recon.sequence.images import read_image_list
+from recon.sequence.intrinsics import read_camera
 from recon.simulate.plan import Plan, PlanCamera, PlanDrive, PlanObject, PlanRoom
 from recon.simulate.render import Exposure, Renderer
 from recon.simulate.simulation import image_poses, run_simulation
@@ -124,6 +130,39 @@ def test_without_pictures_no_height() -> None:
     finder = ObjectFinder(replace(s.layout, objects=found), s.camera, RayScene(faces))
     assert not finder.find(s.images[0], s.poses[0]).any()
     assert measure_objects(replace(s.layout, objects=()), faces, s.camera, s.poses, s.load) == ()
+
+
+SEEN_IN_CORRIDOR = (
+    (12.09, -1.57, 12.40, -1.27),
+    (10.72, -1.56, 11.04, -1.45),
+    *((x, y, x + 0.05, y + 0.05) for x, y in ((5.68, -1.24), (6.15, -0.89), (5.73, -0.84))),
+    (11.02, 6.42, 11.43, 6.96),
+)
+"""Boxes, m, about what the scanner met: a bin, an extinguisher, three legs of a chair, cartons."""
+
+
+def test_corridor_with_its_true_walls(shared_data: Callable[[str], Path]) -> None:
+    folder = shared_data("corridor")
+    truth, camera = read_groundtruth(folder), read_camera(folder / "camera.yaml")
+    assert truth.layout is not None and truth.camera_trajectory is not None
+    names, poses = read_image_list(folder / "images.txt").names, truth.camera_trajectory.poses
+    images = [np.asarray(cv2.imread(str(folder / name)), dtype=np.uint8) for name in names]
+    faces = extrude(truth.layout)
+    outlines = [np.array([[a, b], [c, b], [c, d], [a, d]]) for a, b, c, d in SEEN_IN_CORRIDOR]
+    layout = replace(truth.layout, objects=tuple(FloorObject(i, outline) for i, outline in enumerate(outlines)))
+    layout = replace(layout, objects=measure_objects(layout, faces, camera, poses, lambda i: images[i]))
+    renderer = LabelRenderer(faces, camera)
+    finder = ObjectFinder(layout, camera, renderer.scene)
+    true = np.stack([np.asarray(cv2.imread(str(truth.label_path(n)), cv2.IMREAD_UNCHANGED)) for n in names])
+    labels = np.stack([renderer.render(pose) for pose in poses])
+    plain = labels.copy()
+    labels[np.stack([finder.find(image, pose) for image, pose in zip(images, poses, strict=True)])] = OBJECT
+    scored = ~np.isin(true, [UNLABELLED, CEILING])
+    accuracy, without = (float((found == true)[scored].mean()) for found in (labels, plain))
+    assert without < 0.98 < 0.984 < accuracy < 0.998, "doors are recessed and baseboards stand out"
+    right = np.count_nonzero((labels == OBJECT) & (true == OBJECT))
+    assert right / np.count_nonzero((labels == OBJECT) & scored) > 0.8
+    assert right / np.count_nonzero(true == OBJECT) > 0.78
 
 
 def square(x: float, y: float, size: float) -> Array:

@@ -82,7 +82,15 @@ def segment(crop: Crop, height: float, solid: bool, focal: float) -> NDArray[np.
             return nothing
         evidence = crop.evidence(crop.colours(weight)) + odds
         weight = 1 / (1 + np.exp(-evidence)) if solid else (evidence > 1).astype(np.float64)
-    return _least_cut(evidence, crop.image.astype(np.float32))
+    mask = _least_cut(evidence, crop.image.astype(np.float32))
+    return _standing(mask, crop.lowest < height)
+
+
+def _standing(mask: NDArray[np.bool_], core: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The connected parts of a mask (h, w) that reach into the core; others are of other things."""
+    count, part = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    kept = np.isin(np.arange(count), part[core & mask])
+    return np.asarray(kept[part] & mask, dtype=np.bool_)
 
 
 def _odds(crop: Crop, inside: NDArray[np.bool_], height: float, solid: bool, margin: float) -> Array:

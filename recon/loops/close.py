@@ -25,8 +25,12 @@ Ints = NDArray[np.int64]
 
 BEND = (0.01, 0.001)
 """m a metre and rad a metre driven, beyond the scan matches' covariances: errors that neighbouring matches share."""
+FREE_BEND = (0.15, 0.003)
+"""The same without odometry, when scans may slide along corridors."""
 KERNEL = 2.0
 """Normalised residual at which ties lose their hold."""
+CHAIN_KERNEL = 3.0
+"""The same of scan matches: a few are grossly wrong, which several closures show."""
 PASSES = 2
 """Times that scans are tied to the map and the poses solved."""
 
@@ -60,7 +64,7 @@ def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Cl
     if len(submaps) < 2:
         return ClosedLoops.none(trajectory)
     steps = between2(poses[:-1], poses[1:])
-    search = LoopSearch(submaps, poses, _chain_of_submaps(submaps, steps, matching.covariances), config)
+    search = LoopSearch(submaps, poses, _chain_of_submaps(submaps, steps, matching), config)
     search.run()
     if not len(search.closures):
         return ClosedLoops.none(trajectory, search.rejected)
@@ -70,11 +74,11 @@ def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Cl
     numbers = np.arange(len(poses))
     chain = Edges(numbers[:-1], numbers[1:], steps, matching.covariances)
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + TURN_EFFORT * np.abs(steps[:, 2]))])
-    poses = solve(_moved_along(poses, anchors, search.nodes), chain, closures, KERNEL)
+    poses = solve(_moved_along(poses, anchors, search.nodes), chain, closures, KERNEL, CHAIN_KERNEL)
     ties = Edges.none()
     for _ in range(PASSES):
         ties = tie(submaps, poses, driven, config)
-        poses = solve(poses, chain, Edges.concatenate([closures, ties]), KERNEL)
+        poses = solve(poses, chain, Edges.concatenate([closures, ties]), KERNEL, CHAIN_KERNEL)
     return ClosedLoops(Trajectory(trajectory.timestamps, poses), closures, ties, search.rejected)
 
 
@@ -85,11 +89,12 @@ def _submaps(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Subma
     return make_submaps(keyframes, clouds, matching.trajectory.poses)
 
 
-def _chain_of_submaps(submaps: Submaps, steps: Array, covariances: Array) -> Edges:
+def _chain_of_submaps(submaps: Submaps, steps: Array, matching: ScanMatching) -> Edges:
     """From every submap to the next, as uncertain as the scan matches between them."""
-    relative, covariance = chain_between(steps, covariances, submaps.anchor_scans)
+    relative, covariance = chain_between(steps, matching.covariances, submaps.anchor_scans)
+    bend = BEND if matching.odometry is not None else FREE_BEND
     way = np.diff(submaps.driven)[:, None]
-    covariance = covariance + ((np.array(BEND)[[0, 0, 1]] * way) ** 2)[:, None] * np.eye(3)
+    covariance = covariance + ((np.array(bend)[[0, 0, 1]] * way) ** 2)[:, None] * np.eye(3)
     numbers = np.arange(len(submaps))
     return Edges(numbers[:-1], numbers[1:], relative, covariance)
 

@@ -61,14 +61,14 @@ class Edges:
         return np.asarray(np.einsum("ei,eij,ej->e", off, np.linalg.inv(self.covariance), off))
 
 
-def solve(poses: Array, chain: Edges, loops: Edges, kernel: float = 0.0) -> Array:
+def solve(poses: Array, chain: Edges, loops: Edges, kernel: float = 0.0, chain_kernel: float = 0.0) -> Array:
     """Poses (N, 3) that agree best with all edges, the first one held; from `poses`.
 
-    kernel: normalised residual at which the loops' Cauchy loss sets in, 0 for none.
+    kernel, chain_kernel: normalised residual at which the Cauchy loss of loops and chain sets in, 0 for none.
     """
     import gtsam
 
-    graph, values = _graph(poses, chain, loops, kernel)
+    graph, values = _graph(poses, chain, loops, kernel, chain_kernel)
     found = gtsam.LevenbergMarquardtOptimizer(graph, values, _parameters()).optimize()
     return np.asarray(gtsam.utilities.extractPose2(found))
 
@@ -82,7 +82,7 @@ def solve_consistent(poses: Array, chain: Edges, loops: Edges) -> tuple[Array, B
 
     if not len(loops):
         return poses, np.zeros(0, np.bool_)
-    graph, values = _graph(poses, chain, loops, 0.0)
+    graph, values = _graph(poses, chain, loops, 0.0, 0.0)
     parameters = gtsam.GncLMParams(_parameters())
     parameters.setKnownInliers(list(range(1 + len(chain))))
     gnc = gtsam.GncLMOptimizer(graph, values, parameters)
@@ -102,7 +102,7 @@ def _parameters() -> Any:
     return parameters
 
 
-def _graph(poses: Array, chain: Edges, loops: Edges, kernel: float) -> tuple[Any, Any]:
+def _graph(poses: Array, chain: Edges, loops: Edges, kernel: float, chain_kernel: float) -> tuple[Any, Any]:
     import gtsam
 
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -110,16 +110,16 @@ def _graph(poses: Array, chain: Edges, loops: Edges, kernel: float) -> tuple[Any
         values.insert(key, gtsam.Pose2(*pose))
     held = gtsam.noiseModel.Isotropic.Sigma(3, GAUGE)
     graph.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*poses[0]), held))
-    loss = gtsam.noiseModel.mEstimator.Cauchy.Create(kernel) if kernel else None
-    _add(graph, chain, None)
-    _add(graph, loops, loss)
+    _add(graph, chain, chain_kernel)
+    _add(graph, loops, kernel)
     return graph, values
 
 
-def _add(graph: Any, edges: Edges, loss: Any) -> None:
+def _add(graph: Any, edges: Edges, kernel: float) -> None:
     """One between factor an edge."""
     import gtsam
 
+    loss = gtsam.noiseModel.mEstimator.Cauchy.Create(kernel) if kernel else None
     gaussian, robust = gtsam.noiseModel.Gaussian.SqrtInformation, gtsam.noiseModel.Robust.Create
     root = sqrt_information(edges.relative, np.asarray(np.linalg.inv(edges.covariance)))
     for a, b, z, r in zip(edges.first.tolist(), edges.second.tolist(), edges.relative.tolist(), root, strict=True):

@@ -165,6 +165,15 @@ def test_corridor_with_its_true_walls(shared_data: Callable[[str], Path]) -> Non
     assert right / np.count_nonzero(true == OBJECT) > 0.78
 
 
+def test_a_camera_inside_a_thing_sees_nothing_of_it() -> None:
+    """Things that move, or what is under a table: the platform was there."""
+    s = scene()
+    around = s.poses[2].translation[:2] + 0.8 * (square(0.0, 0.0, 1.0) - 0.5)
+    layout = replace(s.layout, objects=(FloorObject(0, around, top=1.0),))
+    finder = ObjectFinder(layout, s.camera, RayScene(extrude(layout)))
+    assert not finder.find(s.images[2], s.poses[2]).any()
+
+
 def square(x: float, y: float, size: float) -> Array:
     return np.array([x, y]) + size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
@@ -194,6 +203,7 @@ def test_what_hides_the_background(turn: float, pitch: float, eye: float, away: 
     origin = np.array([0.25, 0.25, eye]) - away * np.array([np.cos(turn), np.sin(turn), 0])
     ray = np.array([np.cos(turn + 0.05), np.sin(turn + 0.05), np.tan(pitch)])
     lowest, _ = column.meet(origin, ray)
+    assert column.holds(origin[:2]) == bool(np.abs(origin[:2] - 0.25).max() <= 0.25)
     points = origin + np.linspace(0, 2 * away + 1, 20001)[:, None] * ray
     over = np.all((points[:, :2] >= 0) & (points[:, :2] <= 0.5), axis=1) & (points[:, 2] >= 0)
     assert bool(np.any(over & (points[:, 2] <= height - 2e-3))) <= bool(lowest < height)

@@ -25,6 +25,12 @@ class Column:
         """m, of a circle about the centre that holds the outline."""
         return float(np.linalg.norm(self.outline - self.centre, axis=1).max())
 
+    def holds(self, point: Array) -> bool:
+        """Whether a point (2,), m, is inside the outline or on it."""
+        along = np.roll(self.outline, -1, axis=0) - self.outline
+        off = point - self.outline
+        return bool(np.all(along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0] >= 0))
+
     def meet(self, origin: Array, directions: Array) -> tuple[Array, Array]:
         """Where rays from `origin` (3,) with directions (..., 3) pass through the column above the floor.
 

@@ -72,7 +72,12 @@ class Eye:
         self.focal = float(np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1]))
 
     def frame(self, column: Column, pose: Pose3, top: float) -> tuple[slice, slice] | None:
-        """Rows and columns of the image around what is in the column, up to `top` m; None when it is not in view."""
+        """Rows and columns of the image around what is in the column, up to `top` m.
+
+        None when it is not in view, or when the camera itself is in the column.
+        """
+        if column.holds(pose.translation[:2]):
+            return None
         coarse = self._rays[::COARSE, ::COARSE] @ pose.rotation.T
         lowest, _ = column.meet(pose.translation, coarse)
         rows, columns = np.nonzero(lowest < top)

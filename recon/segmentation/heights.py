@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array, Pose3
+from recon.geometry import Pose3
 from recon.model import Face, FloorObject, Layout
 from recon.prisms import measure_objects as measure_by_parallax
 from recon.raycast import RayScene
@@ -67,21 +67,22 @@ def _by_parallax(
 
 def near(thing: Thing, things: list[Thing]) -> list[Thing]:
     """The other things that may be in the same part of an image."""
-    return [t for t in things if t is not thing and _gap(thing, t.reach.centre) < t.reach.radius + FARTHEST]
-
-
-def _gap(thing: Thing, point: Array) -> float:
-    return float(np.linalg.norm(thing.reach.centre - point)) - thing.reach.radius
+    reach = thing.reach
+    gaps = [np.linalg.norm(t.reach.centre - reach.centre) - t.reach.radius - reach.radius for t in things]
+    return [t for t, gap in zip(things, gaps, strict=True) if t is not thing and gap < FARTHEST]
 
 
 def _views(
     thing: Thing, others: list[Thing], eye: Eye, poses: Sequence[Pose3 | None], load: Load, top: float
 ) -> list[tuple[Crop, Pose3]]:
     """The nearest images that show a thing."""
-    gaps = [(_gap(thing, pose.translation[:2]), i, pose) for i, pose in enumerate(poses) if pose is not None]
+    posed = [i for i, pose in enumerate(poses) if pose is not None]
+    places = np.array([pose.translation[:2] for pose in poses if pose is not None]).reshape(-1, 2)
+    gaps = np.linalg.norm(places - thing.reach.centre, axis=1) - thing.reach.radius
     found: list[tuple[Crop, Pose3]] = []
-    for gap, i, pose in sorted(gaps, key=lambda g: g[:2])[:TRIED]:
-        if gap > FARTHEST or len(found) == VIEWS:
+    for k in np.argsort(gaps, kind="stable")[:TRIED]:
+        i, pose = posed[k], poses[posed[k]]
+        if pose is None or gaps[k] > FARTHEST or len(found) == VIEWS:
             break
         if eye.frame(thing.reach, pose, top) is None or (image := load(i)) is None:
             continue

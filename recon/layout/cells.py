@@ -17,8 +17,10 @@ from recon.layout.line import PlanLine, crossings, union
 
 SNAP = 0.001
 """m, crossings closer than this are one corner."""
-STUB = 0.02
-"""m that a stretch goes on past the wall it ends at (so that the crossing is found)."""
+STUB = 0.8
+"""m that a stretch goes on past the wall it ends at: what it ends at may be furniture before the corner."""
+EDGE = 0.02
+"""m that it goes on past the box around everything (so that the crossing is found)."""
 REACH = 0.05
 """m, a supported stretch stops lines that pass its end this closely."""
 STEEP = float(np.sin(np.radians(15.0)))
@@ -109,7 +111,7 @@ def _after(stops: Array, b: float) -> float:
     k = int(np.searchsorted(stops, b + REACH))
     if k == 0 or stops[k - 1] < b - REACH:
         k = min(k + 1, len(stops))
-    return float(stops[k - 1]) + STUB
+    return float(min(stops[k - 1] + STUB, stops[-1] + EDGE))
 
 
 def _cuts(

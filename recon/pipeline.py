@@ -38,8 +38,8 @@ from recon.lidar.segment import Segments
 from recon.lidar.split_and_merge import extract_segments
 from recon.loops.close import ClosedLoops, close_loops
 from recon.model import Layout, Model
-from recon.prisms import measure_objects
 from recon.progress import SILENT, Progress, Stage
+from recon.segmentation.heights import measure_objects
 from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory

@@ -15,7 +15,7 @@ from recon.loops.grid import Pyramid, build_pyramid
 
 Ints = NDArray[np.int64]
 
-KEYFRAME_DISTANCE, KEYFRAME_TURN = 0.3, np.radians(12.0)
+KEYFRAME_DISTANCE, KEYFRAME_TURN = 0.2, np.radians(6.0)
 """m or rad moved from one keyframe to the next."""
 LENGTH = 4.0
 """m driven within one submap."""

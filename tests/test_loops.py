@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scan_drive import FULL, OFFICE, cast_scans, polygon, wheel_odometry
 
 from recon.config import LidarConfig
@@ -17,6 +18,8 @@ from recon.loops.close import close_loops
 from recon.loops.drift import Drift, chain_between
 from recon.loops.grid import CELL, build_pyramid
 from recon.loops.pose_graph import Edges, solve, solve_consistent
+
+Ints = NDArray[np.int64]
 
 
 def outline(walls: Array, spacing: float = 0.1) -> Array:
@@ -51,7 +54,9 @@ def test_branch_and_bound_finds_what_trying_everything_finds(seed: int) -> None:
     found = search(xy, pyramid, guess, np.array([1.0, 0.15]), 0.1)
     assert found is not None
     reach = max(2.0, float(np.percentile(np.hypot(*xy.T), 90)))
-    turns = np.arange(-int(0.15 * reach / CELL), int(0.15 * reach / CELL) + 1) * CELL / reach
+    turns = np.asarray(
+        np.arange(-int(0.15 * reach / CELL), int(0.15 * reach / CELL) + 1) * CELL / reach, dtype=np.float64
+    )
     assert found.score == pytest.approx(exhaustive(xy, grid, pyramid.corner, guess, 11, turns), abs=1e-9)
     assert np.abs(found.pose[:2] - pose[:2]).max() < 0.25
 
@@ -74,9 +79,9 @@ def ring_of_poses(rng: np.random.Generator, laps: int = 3, count: int = 40) -> t
     angle = np.arange(laps * count) * 2 * np.pi / count
     true = np.column_stack([20 * np.cos(angle), 20 * np.sin(angle), wrap_angle(angle + np.pi / 2)])
     sigma = np.array([0.02, 0.02, 0.004])
-    numbers = np.arange(len(true))
+    numbers = np.arange(len(true), dtype=np.int64)
 
-    def measured(first: Array, second: Array, sigma: Array) -> Edges:
+    def measured(first: Ints, second: Ints, sigma: Array) -> Edges:
         relative = between2(true[first], true[second]) + rng.normal(size=(len(first), 3)) * sigma
         return Edges(first, second, relative, np.tile(np.diag(sigma**2), (len(first), 1, 1)))
 
@@ -106,7 +111,7 @@ def test_planted_wrong_closures_are_rejected_as_a_set(seed: int) -> None:
     alias = Edges(5 + row, 55 + row, shifted, np.tile(right.covariance[:1], (6, 1, 1)))
     closures = Edges.concatenate([right, lone, alias])
     wrong = np.arange(len(closures)) >= len(right)
-    likely = agreeing(closures, start, np.arange(len(true)) * np.pi)
+    likely = agreeing(closures, start, np.arange(len(true), dtype=np.float64) * np.pi)
     assert likely[~wrong].mean() > 0.95
     poses, kept = solve_consistent(start, chain, closures[likely])
     assert not kept[wrong[likely]].any()

@@ -1,9 +1,10 @@
 # Each target sets up .venv first, from a clean clone too, and again only when pyproject.toml changes.
-# PYTHON names the interpreter (3.11 or newer) to set it up with; VENV another place for it.
+# PYTHON names the interpreter (3.11 or newer) to set it up with; VENV another place for it; DRIVES more folders to bench.
 
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+DRIVES ?=
 
 .PHONY: demo test lint bench setup
 .DELETE_ON_ERROR:
@@ -22,6 +23,8 @@ lint: $(READY)
 
 bench: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/build.py samples/corridor
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/accuracy.py samples/corridor $(DRIVES) --buildings 8
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/filter_vs_graph.py samples/corridor $(DRIVES) --simulated 3
 
 setup: $(READY)
 

@@ -25,7 +25,7 @@ from recon.sequence.tum import write_planar, write_tum
 if TYPE_CHECKING:
     from recon.pipeline import Build
 
-PNG_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 3]
+PNG_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
 
 def save_result(build: Build, folder: Path) -> None:

@@ -18,10 +18,7 @@ LINE_GROUPS = {HORIZONTAL_1: 0, HORIZONTAL_2: 1}
 
 def segments_at(times: Array, trajectory: Trajectory, segments: Sequence[Segments]) -> list[Array]:
     """For each time the nearest scan's segments (M, 2, 2), m, moved to the platform frame at that time."""
-    right = np.clip(np.searchsorted(trajectory.timestamps, times), 1, len(trajectory) - 1)
-    left = right - 1
-    nearer_left = times - trajectory.timestamps[left] < trajectory.timestamps[right] - times
-    scan = np.where(nearer_left, left, right) if len(trajectory) > 1 else np.zeros(len(times), np.int64)
+    scan = trajectory.nearest(times)
     platform_from_scan = between2(trajectory.at(times), trajectory.poses[scan])
     return [
         apply2(pose, segments[s].endpoints.reshape(-1, 2)).reshape(-1, 2, 2)

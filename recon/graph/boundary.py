@@ -38,7 +38,7 @@ def boundary_observations(
     its range. What the scanner sees it measures better; lines on the floor in free space are no walls.
     """
     parts = []
-    nearest = _nearest(trajectory.timestamps, times)
+    nearest = trajectory.nearest(times)
     platform_from_image = between2(trajectory.poses[nearest], trajectory.at(times))
     for i, frame in enumerate(frames):
         if frame is None or not len(frame.boundary):
@@ -58,14 +58,6 @@ def boundary_observations(
     return WallObservations.concatenate(
         [WallObservations(empty, np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), empty), *parts]
     )
-
-
-def _nearest(stamps: Array, times: Array) -> NDArray[np.int64]:
-    """Index of the stamp nearest to each time."""
-    right = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
-    left = right - 1
-    right = np.minimum(right, len(stamps) - 1)
-    return np.where(times - stamps[left] < stamps[right] - times, left, right)
 
 
 def _on_floor(pixels: Array, camera: Camera, calibration: Calibration) -> Array:

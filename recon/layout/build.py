@@ -42,7 +42,7 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
     walls, rooms = _walls_and_rooms(cells, lines, space, visited, path)
-    openings = find_openings(walls, Returns(starts, ends), space, estimate.trajectory.poses[:, :2])
+    openings = find_openings(walls, Returns(starts, ends), space, path)
     objects = floor_objects(walls, [shapely.Polygon(room.polygon) for room in rooms], space)
     return Layout(
         tuple(walls),

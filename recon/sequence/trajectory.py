@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from recon.geometry import Array
 
@@ -27,3 +27,10 @@ class Trajectory:
         out = np.stack([np.interp(t, self.timestamps, c) for c in (self.poses[:, 0], self.poses[:, 1], yaw)], axis=1)
         out[:, 2] = (out[:, 2] + np.pi) % (2 * np.pi) - np.pi
         return out
+
+    def nearest(self, times: ArrayLike) -> NDArray[np.int64]:
+        """(M,) index of the pose nearest in time to each of `times` (M,), the later one of two equally near."""
+        t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        right = np.clip(np.searchsorted(self.timestamps, t), min(1, len(self) - 1), len(self) - 1)
+        left = np.maximum(right - 1, 0)
+        return np.where(t - self.timestamps[left] < self.timestamps[right] - t, left, right)

@@ -9,6 +9,7 @@ from typing import Any
 from recon.errors import InputError
 from recon.evaluate.extrinsics import ExtrinsicsErrors, extrinsics_errors
 from recon.evaluate.labels import LabelScores, label_scores
+from recon.evaluate.layout import LayoutScores, layout_scores
 from recon.evaluate.relations import RelationErrors, relation_errors
 from recon.evaluate.trajectory import TrajectoryErrors, trajectory_errors
 from recon.evaluate.walls import WallScores, wall_scores
@@ -26,15 +27,17 @@ class Evaluation:
     relations: RelationErrors | None
     extrinsics: ExtrinsicsErrors | None
     walls: WallScores | None
+    layout: LayoutScores | None
     ceiling: float | None
     labels: LabelScores | None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values; lengths in m, angles in degrees."""
+        """Plain values, described in docs/formats.md; lengths in m, angles in degrees but those of `layout`, rad."""
         content: dict[str, Any] = {"version": 1, "ceiling": self.ceiling}
         for name in ("trajectory", "relations", "extrinsics", "walls", "labels"):
             part = getattr(self, name)
             content[name] = None if part is None else asdict(part)
+        content["layout"] = None if self.layout is None else self.layout.to_json()
         if self.walls is not None:
             content["walls"]["f1"] = list(self.walls.f1)
         return content
@@ -84,7 +87,7 @@ class Evaluation:
             rows.append(("walls, median distance", f"{w.median_distance * 1000:.1f} mm"))
         if self.ceiling is not None:
             rows.append(("ceiling height", f"{self.ceiling * 100:+.1f} cm"))
-        return rows
+        return rows + (self.layout.rows() if self.layout is not None else [])
 
     def _label_rows(self) -> list[tuple[str, str]]:
         if (s := self.labels) is None:
@@ -107,13 +110,14 @@ def evaluate(sequence: Path, result: Path) -> Evaluation:
     if truth.platform_from_camera is not None and (result / "extrinsics.yaml").is_file():
         pose = extrinsics_errors(read_extrinsics(result / "extrinsics.yaml"), truth.platform_from_camera)
     trajectory, relations = _motion_errors(truth, sequence, result)
-    walls = ceiling = None
+    walls = scores = ceiling = None
     if truth.layout is not None:
         walls = wall_scores(layout.walls, truth.layout.walls)
+        scores = layout_scores(layout, truth.layout)
         if layout.ceiling_height is not None and truth.layout.ceiling_height is not None:
             ceiling = layout.ceiling_height - truth.layout.ceiling_height
     labels = label_scores(_label_pairs(truth, result))
-    evaluation = Evaluation(trajectory, relations, pose, walls, ceiling, labels)
+    evaluation = Evaluation(trajectory, relations, pose, walls, scores, ceiling, labels)
     if all(part is None for part in (trajectory, relations, pose, walls, labels)):
         raise InputError(f"{sequence / 'groundtruth'}: holds nothing that can be compared")
     return evaluation

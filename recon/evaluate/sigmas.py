@@ -1,0 +1,89 @@
+"""Whether the stated standard deviations are honest: errors of walls over their sigmas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from recon.geometry import Array, wrap_angle
+from recon.model import Layout, Wall
+
+MAX_OFFSET = 0.1
+"""m: a wall farther from every true wall is another thing (clutter), which no sigma speaks of."""
+MAX_ANGLE = np.radians(5.0)
+MIN_SHARED = 0.5
+"""Share of the wall that lies along its counterpart."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """ratios: (K,) errors over their standard deviations. errors: (K,) m or rad, estimate minus truth."""
+
+    ratios: Array
+    errors: Array
+
+    def within(self, sigmas: float) -> float:
+        """Share of errors of at most so many standard deviations; nan without errors. Gaussian: 0.683, 0.954."""
+        return float(np.mean(np.abs(self.ratios) <= sigmas)) if len(self.ratios) else float("nan")
+
+    def to_json(self) -> dict[str, float | int | None]:
+        """Count, shares within one and two sigmas, the root mean square of the ratios and the median |error|."""
+        if len(self.ratios) == 0:
+            return {"compared": 0, "within_1_sigma": None, "within_2_sigma": None, "rms_ratio": None, "median": None}
+        return {
+            "compared": len(self.ratios),
+            "within_1_sigma": self.within(1.0),
+            "within_2_sigma": self.within(2.0),
+            "rms_ratio": float(np.sqrt(np.mean(np.square(self.ratios)))),
+            "median": float(np.median(np.abs(self.errors))),
+        }
+
+
+@dataclass(frozen=True)
+class SigmaScores:
+    """Of the walls that sensors saw: how far and how turned they are, over what they say."""
+
+    offset: Calibration
+    angle: Calibration
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {"offset": self.offset.to_json(), "angle": self.angle.to_json()}
+
+
+def sigma_scores(estimate: Layout, truth: Layout) -> SigmaScores:
+    """Walls that are not inferred and have finite sigmas, each with its `counterpart`."""
+    offset, angle, sigmas = [], [], []
+    for wall in estimate.walls:
+        known = wall.source != "inferred" and np.isfinite([wall.sigma_offset, wall.sigma_angle]).all()
+        other = counterpart(wall, truth.walls) if known and min(wall.sigma_offset, wall.sigma_angle) > 0 else None
+        if other is not None:
+            offset.append(float(((wall.start + wall.end) / 2 - other.start) @ other.normal))
+            angle.append(turn(wall, other))
+            sigmas.append((wall.sigma_offset, wall.sigma_angle))
+    across, along = np.array(sigmas).reshape(-1, 2).T
+    return SigmaScores(
+        Calibration(np.array(offset) / across, np.array(offset)), Calibration(np.array(angle) / along, np.array(angle))
+    )
+
+
+def counterpart(wall: Wall, others: tuple[Wall, ...]) -> Wall | None:
+    """The nearest wall of `others` along which half of `wall` lies, turned by less than MAX_ANGLE and near it."""
+    best, least = None, MAX_OFFSET
+    for other in others:
+        if abs(turn(wall, other)) > MAX_ANGLE:
+            continue
+        low, high = sorted(float((end - other.start) @ other.direction) for end in (wall.start, wall.end))
+        shared = min(high, other.length) - max(low, 0.0)
+        distance = abs(float(((wall.start + wall.end) / 2 - other.start) @ other.normal))
+        if shared >= MIN_SHARED * wall.length and distance <= least:
+            best, least = other, distance
+    return best
+
+
+def turn(wall: Wall, other: Wall) -> float:
+    """Angle from `other` to `wall`, rad."""
+    yaw = [np.arctan2(w.direction[1], w.direction[0]) for w in (wall, other)]
+    return float(wrap_angle(yaw[0] - yaw[1]))

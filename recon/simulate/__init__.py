@@ -1,4 +1,4 @@
-"""Sequences with known truth from a plan: `Plan`, `random_plan`, `simulate`, `simulate_scans`, `simulate_file`.
+"""Sequences with known truth from a plan: `Plan`, `random_plan`, `office_plan`, `simulate`, `simulate_scans`.
 
 Everything is loaded when it is asked for: importing this package costs nothing.
 """
@@ -8,15 +8,26 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from recon.simulate.office import office_plan
     from recon.simulate.plan import Plan
     from recon.simulate.random_building import random_plan
     from recon.simulate.simulation import Simulation, run_simulation, simulate_scans
     from recon.simulate.write import simulate, simulate_file
 
-__all__ = ["Plan", "Simulation", "random_plan", "run_simulation", "simulate", "simulate_file", "simulate_scans"]
+__all__ = [
+    "Plan",
+    "Simulation",
+    "office_plan",
+    "random_plan",
+    "run_simulation",
+    "simulate",
+    "simulate_file",
+    "simulate_scans",
+]
 
 _HOMES = {
     "Plan": "plan",
+    "office_plan": "office",
     "Simulation": "simulation",
     "random_plan": "random_building",
     "run_simulation": "simulation",

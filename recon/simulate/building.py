@@ -70,6 +70,8 @@ class Building:
 
 def build_building(plan: Plan) -> Building:
     """The surfaces of a checked plan: walls by room and edge first, so that wall k is surface k."""
+    import shapely
+
     found = niches(plan)
     objects = standing_objects(plan, found)
     surfaces = _walls(plan, found)
@@ -77,8 +79,9 @@ def build_building(plan: Plan) -> Building:
         surfaces += _floor_and_ceiling(plan, room)
     for index, niche in enumerate(found):
         surfaces += _niche(niche, index)
+    rooms = shapely.polygons([shapely.linearrings(room.polygon) for room in plan.rooms])
     for index, item in enumerate(objects):
-        surfaces += _object(plan, item, index)
+        surfaces += _object(rooms, item, index)
     return Building(plan, tuple(surfaces), tuple(found), objects)
 
 
@@ -174,12 +177,12 @@ def _niche(niche: Niche, index: int) -> list[Surface]:
     return out
 
 
-def _object(plan: Plan, item: PlanObject, index: int) -> list[Surface]:
-    from shapely.geometry import Point, Polygon
+def _object(rooms: NDArray[np.object_], item: PlanObject, index: int) -> list[Surface]:
+    """An object's sides and top, in the nearest of the rooms' polygons."""
+    import shapely
 
     outline = footprint(item)
-    distance = [Polygon(room.polygon).distance(Point(item.center)) for room in plan.rooms]
-    tags = (OBJECT, int(np.argmin(distance)), index)
+    tags = (OBJECT, int(np.argmin(shapely.distance(rooms, shapely.Point(item.center)))), index)
     sides = zip(np.roll(outline, -1, axis=0), outline, strict=True)
     out = [_upright("object", a, b, (item.bottom, item.top), tags) for a, b in sides]
     out.append(_flat("object", outline, item.top, True, tags))

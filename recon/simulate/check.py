@@ -9,7 +9,7 @@ import numpy as np
 from recon.errors import InputError
 from recon.geometry import Array
 from recon.simulate.drive import drive_path
-from recon.simulate.openings import LEAF_THICKNESS, Niche, edge, opening_niches
+from recon.simulate.openings import LEAF_THICKNESS, Niche, edge, near, opening_niches
 from recon.simulate.plan import Plan, PlanObject
 from recon.simulate.schema import check_ranges
 
@@ -140,9 +140,11 @@ def checked_niches(plan: Plan, index: int) -> list[Niche]:
 
 def overlapping(a: Niche, b: Niche) -> bool:
     """Whether two niches take the same part of the same wall."""
+    if a.wall != b.wall:
+        return False
     along = (a.front[1] - a.front[0]) / np.linalg.norm(a.front[1] - a.front[0])
     (a0, a1), (b0, b1) = a.front @ along, b.front @ along
-    return bool(a.wall == b.wall and max(a0, b0) < min(a1, b1) - 1e-6)
+    return bool(max(a0, b0) < min(a1, b1) - 1e-6)
 
 
 def _check_openings(plan: Plan) -> list[Niche]:
@@ -163,9 +165,10 @@ def _check_niche(plan: Plan, niche: Niche) -> None:
     ceiling = plan.rooms[niche.room].ceiling_height or plan.ceiling_height
     if not niche.bottom < niche.top <= ceiling:
         raise InputError(f"{where}: from {niche.bottom:g} to {niche.top:g} m in a room {ceiling:g} m high")
-    hole = Polygon(np.concatenate([niche.front, niche.back[::-1]]))
+    corners = np.concatenate([niche.front, niche.back[::-1]])
+    hole = Polygon(corners)
     for j, room in enumerate(plan.rooms):
-        if hole.area > 0 and hole.intersection(Polygon(room.polygon)).area > 1e-6:
+        if near(room, corners, 0.0) and hole.area > 0 and hole.intersection(Polygon(room.polygon)).area > 1e-6:
             raise InputError(f"{where}: its recess reaches into rooms[{j}]; a thicker wall is expected")
 
 
@@ -196,6 +199,7 @@ def _check_path(plan: Plan, found: list[Niche]) -> None:
     driven = drive.at(np.linspace(0.0, drive.duration, max(2, int(drive.duration * 20))))
     clearance = float(np.hypot(plan.camera.x, plan.camera.y)) + 0.05
     room = free_space(plan, found).buffer(-clearance)
+    shapely.prepare(room)
     outside = driven[~shapely.contains_xy(room, driven[:, 0], driven[:, 1])]
     if len(outside):
         x, y = outside[0, :2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from recon.simulate.building import room_height
 from recon.simulate.check import footprint
 from recon.simulate.openings import Niche, edge
 from recon.simulate.plan import ObjectStyle, Plan, PlanObject
+
+if TYPE_CHECKING:
+    from shapely import Geometry
 
 KINDS: tuple[tuple[ObjectStyle, tuple[float, float], tuple[float, float], tuple[float, float]], ...] = (
     ("cabinet", (0.6, 1.6), (0.4, 0.6), (0.8, 2.0)),
@@ -23,15 +27,17 @@ KINDS: tuple[tuple[ObjectStyle, tuple[float, float], tuple[float, float], tuple[
 """Style, and ranges of length, depth and height, m, of what stands along walls."""
 
 
-def furnish(plan: Plan, found: list[Niche], clutter: float, rng: np.random.Generator) -> Plan:
-    """The plan with `clutter` (0 none, 1 full) furniture; openings and one another stay clear."""
+def furnish(
+    plan: Plan, found: list[Niche], clutter: float, rng: np.random.Generator, way: Geometry | None = None
+) -> Plan:
+    """The plan with `clutter` (0 none, 1 full) furniture; openings, `way` and one another stay clear."""
     from shapely import Polygon, union_all
 
     for r, room in enumerate(plan.rooms):
         shape = Polygon(room.polygon)
         closed = [Polygon(n.front[[0, 1, 1]]).buffer(0.35) for n in found if n.room == r and n.closed != "nothing"]
         ways = [Polygon(n.front[[0, 1, 1]]).buffer(1.2) for n in found if n.room == r and n.closed == "nothing"]
-        blocked = union_all(closed + ways)
+        blocked = union_all([*closed, *ways, *([] if way is None else [way.intersection(shape)])])
         for _ in range(rng.poisson(clutter * min(shape.area, 30.0) * 0.4)):
             group = _table(shape, rng) if rng.random() < 0.2 else [_along_wall(plan, r, rng)]
             outlines = [Polygon(footprint(item)) for item in group]

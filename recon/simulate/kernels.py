@@ -13,28 +13,98 @@ MAX_TAPS = 8
 
 
 @njit(cache=True)
-def cast_segments(segments: Any, origins: Any, directions: Any) -> Any:
-    """Nearest of segments (M, 4) along rays (N, 2), (N, 2): distances (N,), inf without a hit, and indices (N,), -1."""
-    n, m = origins.shape[0], segments.shape[0]
-    distance = np.full(n, np.inf)
-    index = np.full(n, -1, np.int64)
-    for i in range(n):
-        ox, oy, dx, dy = origins[i, 0], origins[i, 1], directions[i, 0], directions[i, 1]
+def bin_segments(segments: Any, corner: Any, shape: Any, cell: float) -> Any:
+    """Which of segments (M, 4) pass near which square cells: start (rows * columns + 1,) and items, cell by cell.
+
+    corner: (2,) m of cell (0, 0); shape: (2,) rows along x and columns along y; cell: m.
+    """
+    rows, columns = shape[0], shape[1]
+    start = np.zeros(rows * columns + 1, np.int64)
+    items = np.empty(0, np.int64)
+    for fill in range(2):
+        at = start[:-1].copy()
+        for j in range(len(segments)):
+            u0, u1 = _cells_between(segments[j, 0] - corner[0], segments[j, 2] - corner[0], cell, rows)
+            v0, v1 = _cells_between(segments[j, 1] - corner[1], segments[j, 3] - corner[1], cell, columns)
+            for u in range(u0, u1 + 1):
+                for v in range(v0, v1 + 1):
+                    if fill:
+                        items[at[u * columns + v]] = j
+                        at[u * columns + v] += 1
+                    else:
+                        start[u * columns + v + 1] += 1
+        if not fill:
+            start = np.cumsum(start)
+            items = np.empty(start[-1], np.int64)
+    return start, items
+
+
+@njit(cache=True)
+def _cells_between(a: float, b: float, cell: float, count: int) -> Any:
+    """First and last of `count` cells that an interval touches, one nanometre to spare."""
+    low, high = math.floor((min(a, b) - 1e-9) / cell), math.floor((max(a, b) + 1e-9) / cell)
+    return min(max(low, 0), count - 1), min(max(high, 0), count - 1)
+
+
+@njit(cache=True)
+def cast_segments(segments: Any, start: Any, items: Any, corner: Any, shape: Any, cell: float, o: Any, d: Any) -> Any:
+    """Nearest of segments (M, 4) along rays from o (N, 2) along d (N, 2): distances (N,), inf without a hit, and
+    indices (N,), -1. start, items, corner, shape, cell: as `bin_segments` has them; cells are walked in order
+    (Amanatides and Woo, 1987)."""
+    distance, index = np.full(len(o), np.inf), np.full(len(o), -1, np.int64)
+    for i in range(len(o)):
+        x, y, dx, dy = o[i, 0] - corner[0], o[i, 1] - corner[1], d[i, 0], d[i, 1]
+        t = _entry(x, y, dx, dy, shape[0] * cell, shape[1] * cell)
+        u = min(max(math.floor((x + t * dx) / cell), 0), shape[0] - 1) if t < np.inf else -1
+        v = min(max(math.floor((y + t * dy) / cell), 0), shape[1] - 1) if t < np.inf else -1
+        step_u, step_v = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+        next_u = ((u + (dx > 0)) * cell - x) / dx if dx != 0.0 else np.inf
+        next_v = ((v + (dy > 0)) * cell - y) / dy if dy != 0.0 else np.inf
         best, which = np.inf, -1
-        for j in range(m):
-            ax, ay = segments[j, 0] - ox, segments[j, 1] - oy
-            ex, ey = segments[j, 2] - segments[j, 0], segments[j, 3] - segments[j, 1]
-            cross = dx * ey - dy * ex
-            if cross == 0.0:
-                continue
-            share = (ax * dy - ay * dx) / cross
-            if share < 0.0 or share > 1.0:
-                continue
-            t = (ax * ey - ay * ex) / cross
-            if 1e-9 < t < best:
-                best, which = t, j
+        while 0 <= u < shape[0] and 0 <= v < shape[1]:
+            for k in range(start[u * shape[1] + v], start[u * shape[1] + v + 1]):
+                j = items[k]
+                hit = _hit(segments[j], o[i, 0], o[i, 1], dx, dy)
+                if hit < best or (hit == best and j < which):
+                    best, which = hit, j
+            if best <= min(next_u, next_v):
+                break
+            if next_u < next_v:
+                u += step_u
+                next_u += cell / abs(dx)
+            else:
+                v += step_v
+                next_v += cell / abs(dy)
         distance[i], index[i] = best, which
     return distance, index
+
+
+@njit(cache=True)
+def _entry(x: float, y: float, dx: float, dy: float, width: float, height: float) -> float:
+    """How far along a ray the box [0, width] x [0, height] begins; 0 inside, inf where the ray misses it."""
+    near, far = 0.0, np.inf
+    for p, q, size in ((x, dx, width), (y, dy, height)):
+        if q == 0.0:
+            if p < 0.0 or p > size:
+                return np.inf
+            continue
+        near, far = max(near, min(-p / q, (size - p) / q)), min(far, max(-p / q, (size - p) / q))
+    return near if near <= far else np.inf
+
+
+@njit(cache=True)
+def _hit(segment: Any, ox: float, oy: float, dx: float, dy: float) -> float:
+    """Distance along a ray to a segment (4,), inf without a hit."""
+    ax, ay = segment[0] - ox, segment[1] - oy
+    ex, ey = segment[2] - segment[0], segment[3] - segment[1]
+    cross = dx * ey - dy * ex
+    if cross == 0.0:
+        return np.inf
+    share = (ax * dy - ay * dx) / cross
+    if share < 0.0 or share > 1.0:
+        return np.inf
+    t = (ax * ey - ay * ex) / cross
+    return t if t > 1e-9 else np.inf
 
 
 @njit(cache=True)

@@ -15,6 +15,10 @@ from recon.simulate.plan import PlanLidar
 
 JUMP = 0.3
 """m between neighbouring beams that makes a mixed return possible."""
+CELL = 0.75
+"""m, side of the cells that rays walk through."""
+BLOCK = 4000
+"""Scans that are made at once: a long drive needs no more memory than this many."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +47,16 @@ def cut(building: Building, height: float) -> Slice:
 
 def cast(scene: Slice, origins: Array, directions: Array) -> tuple[Array, NDArray[np.int64]]:
     """Distances (N,) m and indices (N,) of the segments hit along unit directions (N, 2); inf and -1 where none is."""
-    from recon.simulate.kernels import cast_segments
+    from recon.simulate.kernels import bin_segments, cast_segments
 
-    distance, index = cast_segments(scene.segments, np.ascontiguousarray(origins), np.ascontiguousarray(directions))
+    ends = scene.segments.reshape(-1, 2)
+    if not len(ends):
+        return np.full(len(origins), np.inf), np.full(len(origins), -1, np.int64)
+    corner = ends.min(axis=0)
+    shape = np.floor(np.ptp(ends, axis=0) / CELL).astype(np.int64) + 1
+    start, items = bin_segments(scene.segments, corner, shape, CELL)
+    rays = np.ascontiguousarray(origins), np.ascontiguousarray(directions)
+    distance, index = cast_segments(scene.segments, start, items, corner, shape, CELL, *rays)
     return distance, index
 
 
@@ -64,18 +75,20 @@ def simulate_lidar(building: Building, drive: Drive, times: Array, start: float,
     step = fov / (settings.beams if full else settings.beams - 1)
     bearings = -fov / 2 + step * np.arange(settings.beams)
     increment = settings.scan_time / (settings.beams - 1)
-    poses = drive.at((times[:, None] + increment * np.arange(settings.beams)).ravel())
-    angle = poses[:, 2] + np.tile(bearings, len(times))
-    directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     scene = cut(building, settings.height)
-    distance, index = cast(scene, poses[:, :2], directions)
-    shape = (len(times), settings.beams)
-    exact = np.where((index >= 0) & scene.glass[index], np.inf, distance).reshape(shape)
-    ranges = _measure(exact, settings, rng)
-    intensities = None
-    if settings.intensities:
-        seen = _intensities(scene, index, directions).reshape(shape)
-        intensities = np.where(np.isfinite(ranges), seen, 0.0).astype(np.float32)
+    ranges = np.empty((len(times), settings.beams), np.float32)
+    intensities = np.zeros(ranges.shape, np.float32) if settings.intensities else None
+    for low in range(0, len(times), BLOCK):
+        block = slice(low, low + BLOCK)
+        poses = drive.at((times[block, None] + increment * np.arange(settings.beams)).ravel())
+        angle = poses[:, 2] + np.tile(bearings, len(times[block]))
+        directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        distance, index = cast(scene, poses[:, :2], directions)
+        exact = np.where((index >= 0) & scene.glass[index], np.inf, distance).reshape(-1, settings.beams)
+        ranges[block] = _measure(exact, settings, rng)
+        if intensities is not None:
+            seen = _intensities(scene, index, directions).reshape(exact.shape)
+            intensities[block] = np.where(np.isfinite(ranges[block]), seen, 0.0)
     limits = settings.range_min, settings.range_max
     return Scans(times + start, ranges, float(bearings[0]), float(step), *limits, increment, intensities)
 

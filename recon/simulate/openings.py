@@ -9,7 +9,7 @@ import numpy as np
 
 from recon.errors import InputError
 from recon.geometry import Array
-from recon.simulate.plan import Plan, PlanOpening
+from recon.simulate.plan import Plan, PlanOpening, PlanRoom
 
 THICKEST_WALL = 0.6
 """m; a room this close behind an opening is the room that it leads to."""
@@ -47,6 +47,13 @@ def edge(plan: Plan, room: int, wall: int) -> tuple[Array, Array]:
     """Start and end (2,) of edge `wall` of room `room`, plan frame, m."""
     polygon = plan.rooms[room].polygon
     return np.array(polygon[wall]), np.array(polygon[(wall + 1) % len(polygon)])
+
+
+def near(room: PlanRoom, points: Array, margin: float) -> bool:
+    """Whether the bounding boxes of a room and of points (n, 2) are at most `margin` m apart: a quick first look."""
+    x, y = zip(*room.polygon, strict=True)
+    (x0, y0), (x1, y1) = points.min(axis=0) - margin, points.max(axis=0) + margin
+    return bool(min(x) <= x1 and max(x) >= x0 and min(y) <= y1 and max(y) >= y0)
 
 
 def niches(plan: Plan) -> list[Niche]:
@@ -102,6 +109,8 @@ def _wall_behind(
     """Room, edge and (2, 2) corners where the jambs meet the nearest wall behind that faces this one."""
     best: tuple[float, int, int, Array] | None = None
     for room, shape in enumerate(plan.rooms):
+        if not near(shape, front, THICKEST_WALL + 0.01):
+            continue
         for wall in range(len(shape.polygon)):
             start, end = edge(plan, room, wall)
             length = float(np.linalg.norm(end - start))

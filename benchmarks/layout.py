@@ -29,9 +29,17 @@ from recon.simulate import random_plan, run_simulation, simulate
 from recon.simulate.plan import Plan
 
 FIRST_SEED = 2000
-HEAD = (
-    "| building | rooms F1 | corners F1 at 0.1 m / 0.2 m / 10 px | angles F1, 10 px | IoU, median room "
-    "| area error, median room | doors / passages / windows F1 | walls F1 at 5 cm | offsets within 1 / 2 sigma | CPU, s |\n" + "| --- " * 10 + "|"
+COLUMNS = (
+    "building",
+    "rooms F1",
+    "corners F1 at 0.1 m / 0.2 m / 10 px",
+    "angles F1, 10 px",
+    "IoU, median room",
+    "area error, median room",
+    "doors / passages / windows F1",
+    "walls F1 at 5 cm",
+    "offsets within 1 / 2 sigma",
+    "CPU, s",
 )
 
 
@@ -51,7 +59,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first building")
     parser.add_argument("--images", action="store_true")
     arguments = parser.parse_args()
-    print(HEAD)
+    print(f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}")
     results = []
     for k in range(arguments.buildings):
         seed, rooms, angles = arguments.first + k, 1 + k % 12, "any" if (k + k // 12) % 2 else "manhattan"

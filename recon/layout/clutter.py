@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
-from recon.layout.frontier import distance_to_walls
 from recon.layout.line import PlanLine, carried, coverage, total, union
+from recon.layout.stretches import Stretches
 
 SHORTEST_WALL = 0.5
 """m of support; lines with less are clutter."""
@@ -61,8 +61,8 @@ def without_clutter(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
     """The lines that are walls."""
     lines = [line for line in lines if line.source == "image" or line.supported_length >= SHORTEST_WALL]
     long = [line for line in lines if line.supported_length >= SHORTEST_PARTITION]
-    lines = [line for line in lines if line.source == "image" or _has_face(line, long) or not _stands_free(line, space)]
-    sure = [line for line in lines if is_sure(line)]
+    lines = [line for line in lines if line.source == "image" or not _stands_free(line, space) or _has_face(line, long)]
+    sure = Stretches([line for line in lines if is_sure(line)])
     return [line for line in lines if is_sure(line) or not _is_alone(line, sure)]
 
 
@@ -94,6 +94,6 @@ def _has_face(line: PlanLine, long: list[PlanLine]) -> bool:
     return False
 
 
-def _is_alone(line: PlanLine, sure: list[PlanLine]) -> bool:
+def _is_alone(line: PlanLine, sure: Stretches) -> bool:
     ends = line.point(line.support[[0, -1], [0, 1]])
-    return bool(distance_to_walls(ends, sure).min() > BESIDE)
+    return bool(sure.distance(ends).min() > BESIDE)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
 from recon.layout.line import NONE, PlanLine, cross2, total, union
+from recon.layout.stretches import Stretches
 
 EXPLAINED = 0.15
 """m, a rim of free space this close to a wall is that wall's."""
@@ -39,29 +40,30 @@ def frontier_lines(space: FreeSpace, walls: list[PlanLine]) -> list[PlanLine]:
     the walls that it ends at. Where a wall's support ends at no other wall, a line goes across it there. Of lines that
     all but coincide, the longest stays.
     """
-    found = [line for rim in _rims(space) for chain in _chains(rim, walls) for line in _lines(chain, walls)]
-    found += _across_ends(walls)
+    seen = Stretches(walls)
+    found = [line for rim in _rims(space) for chain in _chains(rim, seen) for line in _lines(chain, walls, seen)]
+    found += _across_ends(walls, seen)
     found.sort(key=lambda line: (line.oblique, -total(line.frontier)))
-    lines: list[PlanLine] = []
-    for line in found:
-        if not any(_covers(other, line) for other in walls + lines):
-            lines.append(line)
-    return lines
+    near = Stretches([*walls, *found], frontiers=True).neighbours(2 * SAME)
+    covering = np.arange(len(walls) + len(found)) < len(walls)  # walls, and the frontiers that stay
+    for k, line in enumerate(found, start=len(walls)):
+        others = [int(n) for n in near[k] if covering[n]]
+        covering[k] = not any(_covers(walls[n] if n < len(walls) else found[n - len(walls)], line) for n in others)
+    return [line for line, stays in zip(found, covering[len(walls) :], strict=True) if stays]
 
 
-def _across_ends(walls: list[PlanLine]) -> list[PlanLine]:
+def _across_ends(walls: list[PlanLine], seen: Stretches) -> list[PlanLine]:
     """Lines across walls at the ends of what was seen of them, except at corners."""
-    lines = []
-    for wall in walls:
-        others = [other for other in walls if other is not wall]
-        for end in (wall.support[0, 0], wall.support[-1, 1]) if len(wall.support) else ():
-            foot = wall.point(float(end))
-            if distance_to_walls(foot[None], others)[0] > AT_CORNER:
-                stub = np.array([[-AT_CORNER, AT_CORNER]])
-                lines.append(
-                    PlanLine(foot, wall.normal, NONE, NONE, SIGMA_OFFSET, SIGMA_ANGLE, "inferred", 0, stub, False)
-                )
-    return lines
+    known = [k for k, wall in enumerate(walls) if len(wall.support)]
+    feet = np.array([walls[k].point(walls[k].support[[0, -1], [0, 1]]) for k in known]).reshape(-1, 2)
+    row, near = seen.around(feet, AT_CORNER)
+    corner = np.isin(np.arange(len(feet)), row[near != np.repeat(known, 2)[row]])
+    stub = np.array([[-AT_CORNER, AT_CORNER]])
+    return [
+        PlanLine(foot, walls[k].normal, NONE, NONE, SIGMA_OFFSET, SIGMA_ANGLE, "inferred", 0, stub, False)
+        for foot, k, at_corner in zip(feet, np.repeat(known, 2), corner, strict=True)
+        if not at_corner
+    ]
 
 
 def _covers(line: PlanLine, other: PlanLine) -> bool:
@@ -91,9 +93,9 @@ def _rims(space: FreeSpace) -> list[Array]:
     return rims
 
 
-def _chains(rim: Array, walls: list[PlanLine]) -> list[Array]:
+def _chains(rim: Array, walls: Stretches) -> list[Array]:
     """The runs of a closed rim (n, 2) that no wall explains, each (m, 2) m and at least `SHORTEST` from end to end."""
-    open_ = distance_to_walls(rim, walls) > EXPLAINED
+    open_ = walls.distance(rim) > EXPLAINED
     if open_.all():
         return [np.concatenate([rim, rim[:1]])]
     start = int(np.argmin(open_))
@@ -103,21 +105,9 @@ def _chains(rim: Array, walls: list[PlanLine]) -> list[Array]:
     return [run for run in runs if np.ptp(run, axis=0).max() >= SHORTEST]
 
 
-def distance_to_walls(points: Array, walls: list[PlanLine]) -> Array:
-    """(N,) m from points (N, 2) to the nearest supported stretch; inf without walls."""
-    best = np.full(len(points), np.inf)
-    for wall in walls:
-        support = wall.support
-        if len(support):
-            along = wall.along(points)[:, None]
-            beside = np.maximum(np.maximum(support[:, 0] - along, along - support[:, 1]), 0.0).min(axis=1)
-            best = np.minimum(best, np.hypot(beside, wall.offset(points)))
-    return best
-
-
-def _lines(chain: Array, walls: list[PlanLine]) -> list[PlanLine]:
+def _lines(chain: Array, walls: list[PlanLine], seen: Stretches) -> list[PlanLine]:
     """Lines touching a piece of rim (m, 2), which has the free space on its left, from outside."""
-    directions = _wall_directions(chain, walls)
+    directions = _wall_directions(chain, walls, seen)
     corner = cv2.approxPolyDP(chain.astype(np.float32)[:, None], TOLERANCE, False)[:, 0].astype(np.float64)
     at = [int(np.argmin(np.sum((chain - c) ** 2, axis=1))) for c in corner]
     at[0], at[-1] = 0, len(chain) - 1
@@ -136,14 +126,14 @@ def _lines(chain: Array, walls: list[PlanLine]) -> list[PlanLine]:
     return lines
 
 
-def _wall_directions(chain: Array, walls: list[PlanLine]) -> Array:
+def _wall_directions(chain: Array, walls: list[PlanLine], seen: Stretches) -> Array:
     """(D, 2) unit vectors along and across the walls next to the two ends of a piece of rim."""
     out: list[Array] = []
-    known = [wall for wall in walls if len(wall.support)]
-    if not known:
-        return NONE
     for end in chain[[0, -1]]:
-        nearest = min(known, key=lambda wall: float(distance_to_walls(end[None], [wall])[0]))
+        k = seen.nearest(end)
+        if k < 0:
+            return NONE
+        nearest = walls[k]
         for d in (nearest.direction, nearest.normal):
             if all(abs(cross2(d, other)) > np.sin(ALIGNED) for other in out):
                 out.append(d)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,12 +41,12 @@ class PlanLine:
     frontier: Array = field(default_factory=lambda: NONE)
     oblique: bool = False
 
-    @property
+    @cached_property
     def normal(self) -> Array:
         """Unit vector (2,) to the left."""
         return np.array([-self.direction[1], self.direction[0]])
 
-    @property
+    @cached_property
     def support(self) -> Array:
         """(K, 2) sorted disjoint stretches seen from either side."""
         return union(np.concatenate([self.front, self.back]))
@@ -127,12 +128,17 @@ def merged_lines(walls: tuple[WallLine, ...]) -> list[PlanLine]:
     lines = [_plan_line(wall) for wall in walls if len(wall.intervals)]
     lines.sort(key=lambda line: -line.supported_length)
     out: list[PlanLine] = []
+    origin, normal = np.zeros((2, len(lines), 2))
     for line in lines:
-        k = next((k for k, other in enumerate(out) if _same(line, other)), None)
-        if k is None:
+        ends = line.point(line.support[[0, -1], [0, 1]])
+        across = np.abs(np.einsum("eki,ki->ek", ends[:, None] - origin[None, : len(out)], normal[: len(out)]))
+        near = np.flatnonzero((across <= MERGE_OFFSET).all(axis=0))
+        k = next((int(k) for k in near if _same(line, out[k])), len(out))
+        if k == len(out):
             out.append(line)
         else:
             out[k] = _joined(out[k], line)
+        origin[k], normal[k] = out[k].origin, out[k].normal
     return out
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from recon.geometry import Array
 from recon.layout.line import PlanLine, carried, clip, coverage, cross2, subtract, total, union
+from recon.layout.stretches import Stretches
 
 DEPTH = (0.03, 0.30)
 """m behind the wall line: how deep a door leaf sits."""
@@ -23,6 +24,8 @@ CORNER_DEPTH, CORNER_WIDTH = 0.7, 1.2
 SHADOW = 0.7
 """m of wall that such a thing may hide on either side."""
 PARALLEL = np.radians(5.0)
+NEARBY = 4.0
+"""m between a wall and its steps, by far."""
 LEFT_FREE = 0.15
 """m between a leaf and the next wall, so that a leaf with wall on one side only is no niche or pillar's neighbour."""
 
@@ -34,15 +37,15 @@ def absorb_steps(lines: list[PlanLine]) -> list[PlanLine]:
     its ends (for a leaf: at one end, if the other end stops short of the next wall).
     """
     lines = list(lines)
+    near = Stretches(lines).neighbours(NEARBY)
     for i in range(len(lines)):
-        for k in range(len(lines)):
-            if i != k:
-                lines[i], lines[k] = _absorbed(lines[i], lines[k], lines)
+        for k in near[i]:
+            lines[i], lines[k] = _absorbed(lines[i], lines[k], [lines[n] for n in near[k]])
     return [line for line in lines if len(line.front) or len(line.back)]
 
 
 def _absorbed(wall: PlanLine, step: PlanLine, lines: list[PlanLine]) -> tuple[PlanLine, PlanLine]:
-    """`wall` and `step` after the steps of `wall` are taken from `step`."""
+    """`wall` and `step` after the steps of `wall` are taken from `step`; lines: those around `step`."""
     forward = bool(step.direction @ wall.direction > 0)
     if abs(cross2(wall.direction, step.direction)) > np.sin(PARALLEL):
         return wall, step

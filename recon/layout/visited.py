@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
-from recon.layout.frontier import distance_to_walls
 from recon.layout.line import PlanLine
+from recon.layout.stretches import Stretches
 
 HALF_WIDTH = 0.5
 """m; what lies behind gaps narrower than twice this was not visited unless the path leads there."""
@@ -27,7 +27,7 @@ def visited_space(space: FreeSpace, walls: list[PlanLine], path: Array) -> NDArr
     What no ray reached between free cells (between the rays that a far wall returned, say) counts as way.
     """
     things = space.centres(space.blocked)
-    away = distance_to_walls(things, walls) > NEAR_WALL
+    away = Stretches(walls).distance(things) > NEAR_WALL
     furniture, wall = np.zeros((2, *space.free.shape), np.uint8)
     furniture[space.index(things[away])] = 1
     wall[space.index(things[~away])] = 1

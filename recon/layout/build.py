@@ -60,7 +60,7 @@ def _walls_and_rooms(
     support, spans = supports(cells, lines), cells.spans(lines)
     evidence = support.copy()
     evidence[:, 1:3] *= trust(cells, lines, space, visited)
-    reached, glanced = areas(cells, space, visited), areas(cells, space, space.free & ~visited)
+    reached, glanced = areas(cells, space, visited, space.free & ~visited)
     inside = label_cells(cells, lines, reached, glanced, evidence)
     found, parting = regions(cells, lines, inside, support[:, 0], spans, glanced > reached, path)
     in_room = np.isin(np.arange(len(cells.polygons)), [cell for region in found for cell in region.cells])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -55,10 +56,35 @@ class Cells:
     def spans(self, lines: list[PlanLine]) -> Array:
         """(E, 2) start and end of each edge as positions along its line; nan on the frame."""
         out = np.full((len(self.edges), 2), np.nan)
-        for k, line in enumerate(lines):
-            on = self.line == k
+        for line, on in zip(lines, self.of_lines(len(lines)), strict=True):
             out[on] = line.along(self.vertices[self.edges[on]].reshape(-1, 2)).reshape(-1, 2)
         return out
+
+    def of_lines(self, count: int) -> list[NDArray[np.int64]]:
+        """Edges on each of `count` lines."""
+        order = np.argsort(self.line, kind="stable")
+        return np.split(order, np.searchsorted(self.line[order], np.arange(count + 1)))[1:-1]
+
+    def corners(self, ring: shapely.LinearRing) -> NDArray[np.int64]:
+        """(n,) vertices along the ring of a union of cells, the first not repeated."""
+        return np.asarray(self._tree.query(np.asarray(ring.coords)[:-1])[1], dtype=np.int64)
+
+    def edges_between(self, start: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(n,) the edge that joins each two vertices, either way round."""
+        low, high = np.minimum(start, end), np.maximum(start, end)
+        key, order = self._keys
+        return order[np.searchsorted(key, low * len(self.vertices) + high)]
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.vertices)
+
+    @cached_property
+    def _keys(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """One sorted number for every edge, and the edges in this order."""
+        key = self.edges.min(axis=1) * len(self.vertices) + self.edges.max(axis=1)
+        order = np.argsort(key)
+        return key[order], order
 
 
 def cut_plane(lines: list[PlanLine], low: Array, high: Array) -> Cells:

@@ -36,15 +36,36 @@ BRIDGED = 0.1
 """m, gaps in a wall's support that are not counted."""
 
 
-def areas(cells: Cells, space: FreeSpace, mask: NDArray[np.bool_]) -> Array:
-    """(C,) m^2 of each cell that grid cells set in `mask` cover."""
-    points = space.centres(mask)
-    tree = shapely.STRtree(cells.polygons)
-    out = np.zeros(len(cells.polygons))
-    if len(points):
-        _, cell = tree.query(shapely.points(points), predicate="within")
-        out += np.bincount(cell, minlength=len(out)) * space.cell_area
-    return out
+def areas(cells: Cells, space: FreeSpace, *masks: NDArray[np.bool_]) -> list[Array]:
+    """For every mask (C,) m^2 of each cell that grid cells set in it (their middles) cover."""
+    owner = _rasterised(cells, space)
+    counts = [np.bincount(owner[mask & (owner >= 0)], minlength=len(cells.polygons)) for mask in masks]
+    return [np.asarray(count * space.cell_area) for count in counts]
+
+
+def _rasterised(cells: Cells, space: FreeSpace) -> NDArray[np.int32]:
+    """(rows, columns) the cell that the middle of each grid cell lies in, -1 outside all.
+
+    Scanlines: along every row of middles, each edge it crosses begins the cell on its right.
+    """
+    rows, columns = space.free.shape
+    ends = (cells.vertices[cells.edges] - space.origin) / space.resolution - 0.5  # middles are whole numbers
+    rising = ends[:, 1, 1] > ends[:, 0, 1]
+    low, high = np.sort(ends[:, :, 1], axis=1).T
+    first = np.clip(np.ceil(low), 0, rows).astype(np.int64)
+    count = np.clip(np.ceil(high), 0, rows).astype(np.int64) - first  # low <= row < high: level edges are not crossed
+    edge = np.repeat(np.arange(len(ends)), count)
+    row = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    (x0, y0), (x1, y1) = ends[edge, 0].T, ends[edge, 1].T
+    x = x0 + (row - y0) * (x1 - x0) / (y1 - y0)
+    right = np.where(rising, cells.right, cells.left)[edge]
+    order = np.lexsort((x, row))
+    begins = np.full((rows, columns + 1), -1, np.int32)
+    # of several in one place the last, the one furthest to the right, stays
+    begins[row[order], np.clip(np.ceil(x[order]), 0, columns).astype(np.int64)] = np.arange(len(order))
+    np.maximum.accumulate(begins, axis=1, out=begins)  # crossings are numbered along the rows
+    last = begins[:, :columns]
+    return np.where(last >= 0, np.append(right[order], -1).astype(np.int32)[last], np.int32(-1))
 
 
 def supports(cells: Cells, lines: list[PlanLine]) -> Array:
@@ -54,8 +75,7 @@ def supports(cells: Cells, lines: list[PlanLine]) -> Array:
     """
     out = np.zeros((len(cells.edges), 4))
     spans = cells.spans(lines)
-    for k, line in enumerate(lines):
-        on = np.flatnonzero(cells.line == k)
+    for line, on in zip(lines, cells.of_lines(len(lines)), strict=True):
         low, high = spans[on, 0], spans[on, 1]
         bridged = union(line.support + np.array([-BRIDGED, BRIDGED]) / 2)
         out[on, 0] = np.minimum(coverage(bridged, low, high), high - low)

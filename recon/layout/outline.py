@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from recon.geometry import Array
 from recon.layout.cells import Cells
@@ -47,17 +46,13 @@ def sides(cells: Cells, region: Region, support: Array, rooms: NDArray[np.bool_]
 
     support: (E,) m of each edge. rooms: (C,) the cells that belong to any room.
     """
-    tree = cKDTree(cells.vertices)
-    index = {}
-    for k, (a, b) in enumerate(cells.edges):
-        index[int(a), int(b)] = index[int(b), int(a)] = k
     shared = np.asarray(np.append(rooms, False)[np.stack([cells.left, cells.right])].all(axis=0))
     rings = [(region.polygon.exterior, True), *[(hole, False) for hole in region.polygon.interiors]]
     out = []
     for ring, ccw in rings:
-        corner = np.asarray(tree.query(np.asarray(ring.coords)[:-1])[1])
+        corner = cells.corners(ring)
         corner = corner if ring.is_ccw == ccw else corner[::-1]
-        edge = np.array([index[int(a), int(b)] for a, b in zip(corner, np.roll(corner, -1), strict=True)])
+        edge = cells.edges_between(corner, np.roll(corner, -1))
         lines = cells.line[edge]
         first = np.flatnonzero(lines != np.roll(lines, 1))
         corner, edge = np.roll(corner, -first[0]), np.roll(edge, -first[0])

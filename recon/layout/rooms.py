@@ -89,8 +89,7 @@ def _closed(support: Array) -> Array:
 def _walled(cells: Cells, spans: Array, lines: list[PlanLine]) -> NDArray[np.bool_]:
     """(E,) edges that a wall covers, with its doors and passages."""
     walled = np.zeros(len(cells.edges), np.bool_)
-    for k, line in enumerate(lines):
-        on = np.flatnonzero(cells.line == k)
+    for line, on in zip(lines, cells.of_lines(len(lines)), strict=True):
         if len(line.support) and len(on):
             low, high = spans[on].T
             walled[on] = coverage(_closed(line.support), low, high) >= WALL_SHARE * (high - low)

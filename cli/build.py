@@ -106,7 +106,8 @@ def _build(
     for message in result.warnings:
         if message not in drive.warnings:  # those were said at the start
             warn(message, quiet)
-    for note in result.model.notes:
+    clock = () if result.calibration is None else (f"{result.calibration.clock}.",)
+    for note in (*result.model.notes, *clock):
         logging.getLogger("recon").info(note)
     if not quiet:
         for line in summary(result.model, folder, outputs):

@@ -15,9 +15,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.calibration.calibrate import calibrate, check_given
+from recon.calibration.calibrate import TOLERANCE, calibrate, check_given
+from recon.calibration.clock import heading_offset
 from recon.calibration.frames import collect_frames
 from recon.calibration.result import Calibration
+from recon.calibration.support import CalibrationFrames
+from recon.calibration.synchronise import Drive, calibrate_with_clock
 from recon.config import Config
 from recon.errors import ConfigError
 from recon.faces import extrude
@@ -36,6 +39,7 @@ from recon.lidar.matching import ScanMatching, match_scans
 from recon.lidar.noise import with_noise
 from recon.lidar.segment import Segments
 from recon.lidar.split_and_merge import extract_segments
+from recon.lidar.sweep import reordered, sweep_order
 from recon.loops.close import ClosedLoops, close_loops
 from recon.model import Layout, Model
 from recon.progress import SILENT, Progress, Stage
@@ -95,7 +99,7 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, tape:
     if tape is not None and config.graph.backend == "ekf":
         raise ConfigError(f"{tape.path}: the filter takes no distances between walls, expected graph.backend 'graph'")
     run = _Run(progress, warnings=list(sequence.warnings))
-    matching, segments = _scans(sequence, config, run)
+    sequence, matching, segments = _scans(sequence, config, run)
     lines, vertical = _lines(sequence, config, run)
     calibration = _calibration(sequence, lines, vertical, matching.trajectory, segments, config, run)
     closed = _closed(sequence, matching, config, run)
@@ -126,12 +130,16 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, tape:
     )
 
 
-def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[ScanMatching, list[Segments]]:
-    """Odometry from scan matching, and line segments of every scan (paper 2.1)."""
+def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[Sequence, ScanMatching, list[Segments]]:
+    """Odometry from scan matching, and line segments of every scan (paper 2.1); the scans with their beams in order."""
     scans = sequence.scans
     lidar = with_noise(scans, config.lidar)
     with run.stage("scan matching", len(scans), "scans") as stage:
         matching = match_scans(scans, sequence.odometry, lidar)
+        if (order := sweep_order(scans, matching, lidar)) != "as given":
+            run.warnings.append(f"the beams of a scan were taken {order}, whatever their order and time_increment say")
+            scans = reordered(scans, order)
+            matching = match_scans(scans, sequence.odometry, lidar)
         stage.advance(len(scans))
     with run.stage("scan lines", len(scans), "scans") as stage:
         segments = []
@@ -143,7 +151,7 @@ def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[ScanMatching,
         run.warnings.append(
             f"{int(matching.failed.sum())} of {len(scans)} scans fitted no map; their motion is predicted"
         )
-    return matching, segments
+    return replace(sequence, scans=scans), matching, segments
 
 
 def _lines(sequence: Sequence, config: Config, run: _Run) -> tuple[list[FrameLines | None], tuple[Array, float] | None]:
@@ -174,16 +182,23 @@ def _calibration(
     config: Config,
     run: _Run,
 ) -> Calibration | None:
-    """platform_from_camera, estimated or given and checked (paper 2.3, 2.4)."""
+    """platform_from_camera, estimated or given and checked (paper 2.3, 2.4), and the camera's clock."""
     camera, images, given = sequence.camera, sequence.images, sequence.platform_from_camera
     if camera is None or images is None or vertical is None:
         return None
-    with run.stage("calibration"):
-        frames = collect_frames(lines, images.timestamps, trajectory, segments)
+    times = images.timestamps
+
+    def collect(offset: float) -> CalibrationFrames:
+        return collect_frames(lines, times + offset, trajectory, segments)
+
+    def solve(frames: CalibrationFrames) -> Calibration | None:
         if given is not None:
-            result: Calibration | None = check_given(frames, camera, vertical, given)
-        else:
-            result = calibrate(frames, camera, vertical, config.calibration, config.seed)
+            return check_given(frames, camera, vertical, given)
+        return calibrate(frames, camera, vertical, config.calibration, config.seed)
+
+    with run.stage("calibration"):
+        drive = Drive(collect, times, trajectory, camera, vertical, TOLERANCE * camera.matrix[0, 0])
+        result = calibrate_with_clock(drive, solve, heading_offset(lines, vertical[0], times, trajectory))
     if result is None:
         run.warnings.append(
             "the camera's pose on the platform was not found (too few wall feet agree with the scans); "
@@ -220,7 +235,7 @@ def _estimate(
     with run.stage("factor graph" if config.graph.backend == "graph" else "filter"):
         observations = [_wall_observations(segments)]
         if calibration is not None and sequence.images is not None and sequence.camera is not None:
-            times, camera = sequence.images.timestamps, sequence.camera
+            times, camera = calibration.on_scan_clock(sequence.images.timestamps), sequence.camera
             observations.append(
                 boundary_observations(lines, times, camera, calibration, sequence.scans, closed.trajectory)
             )
@@ -253,9 +268,9 @@ def _camera_poses(
     """map_from_camera at every image; None where the image is outside the scans' time."""
     if sequence.images is None:
         return ()
-    times = sequence.images.timestamps
     if calibration is None:
-        return (None,) * len(times)
+        return (None,) * len(sequence.images)
+    times = calibration.on_scan_clock(sequence.images.timestamps)
     first, last = trajectory.timestamps[0] - MAX_EXTRAPOLATION, trajectory.timestamps[-1] + MAX_EXTRAPOLATION
     inside = (times >= first) & (times <= last)
     if not inside.all():

@@ -74,6 +74,8 @@ def _facts(build: Build) -> str:
     if calibration is not None:
         height = calibration.platform_from_camera.translation[2]
         facts.append((f"{height:.3f} m", f"camera height ({calibration.source})"))
+        if calibration.time_offset:
+            facts.append((f"{1000 * calibration.time_offset:+.0f} ms", "added to image stamps: the camera's clock"))
     return '<ul class="facts">' + "".join(f"<li><b>{v}</b><span>{n}</span></li>" for v, n in facts) + "</ul>"
 
 

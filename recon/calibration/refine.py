@@ -15,19 +15,27 @@ from recon.sequence.camera import Camera
 SIGMA_PIXEL = 1.0  # of an end of an image line, across it
 SIGMA_WALL = 0.012  # m, of a LiDAR segment against the foot that the camera sees
 SIGMA_FOOT = 0.01  # m, prior of how far the visible foot (a baseboard) stands in front of what the scanner sees
+SIGMA_TIME = 0.3  # s, prior of how late the camera's clock is
 MIN_MATCHES = 4
 
-RIGID = np.array([True] * 7)
-SIMILARITY = np.array([False, False, True, True, True, True, False])
-"""Which of roll, pitch, yaw (rad, about the platform axes), x, y, z (m) and foot offset (m) are free."""
+RIGID = np.array([True] * 7 + [False])
+RIGID_TIMED = np.array([True] * 8)
+SIMILARITY = np.array([False, False, True, True, True, True, False, False])
+"""Which of roll, pitch, yaw (rad, about the platform axes), x, y, z (m), foot offset (m) and time offset (s) are
+free."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """A refined pose, its covariance (6, 6) (rotation vector in the platform frame, translation) and matches."""
+    """A refined pose, its covariance (6, 6) (rotation vector in the platform frame, translation) and matches.
+
+    time_offset, sigma_time: s, to add to image stamps; sigma 0 where it was held.
+    """
 
     platform_from_camera: Pose3
     foot_offset: float
+    time_offset: float
+    sigma_time: float
     covariance: Array
     matches: Matches
     rms: float
@@ -76,35 +84,59 @@ def refine(
     tolerances: tuple[float, ...],
     free: NDArray[np.bool_] = RIGID,
     which: NDArray[np.int64] | None = None,
+    twists: Array | None = None,
 ) -> Refinement | None:
     """Minimise the distances of matched image lines to projected wall feet by iteratively reweighted least squares.
 
     Lines are matched anew at each of the tolerances (pixels) and weighted by Tukey's biweight, so that lines beside
     the foot (a baseboard's upper edge, a floor border) do not pull. vertical: unit vector (3,) in the camera frame,
-    pointing down, and its sigma (rad). Returns None where too few lines match. Covariance: Gauss-Newton, scaled by
+    pointing down, and its sigma (rad). twists: (F, 3) m/s, m/s, rad/s of the platform in its own frame at each image,
+    needed where the time offset is free. Returns None where too few lines match. Covariance: Gauss-Newton, scaled by
     the residuals where they exceed what was expected.
     """
-    state = _State(pose, 0.0)
+    state = _State(pose, 0.0, 0.0)
     system, matches = None, None
     for tolerance in tolerances:
         matches = match(frames, camera, state.pose, tolerance, which)
         if len(matches) < MIN_MATCHES:
             return None
-        feet = frames.segments[matches.segment]
+        feet = _Feet(frames.segments[matches.segment], None if twists is None else twists[matches.frame])
         system = _normal_equations(state, camera, feet, matches.pixels, vertical, tolerance, free)
-        step = np.zeros(7)
+        step = np.zeros(8)
         step[free] = np.linalg.lstsq(system.information, system.gradient, rcond=1e-12)[0]
-        state = _State(perturb(state.pose, step), state.offset + step[6])
+        state = state.moved(step)
     assert system is not None and matches is not None
-    covariance = np.zeros((7, 7))
+    covariance = np.zeros((8, 8))
     covariance[np.ix_(free, free)] = np.linalg.pinv(system.information) * max(1.0, system.rms**2)
-    return Refinement(state.pose, state.offset, covariance[:6, :6], matches, system.rms)
+    sigma_time = float(np.sqrt(covariance[7, 7]))
+    return Refinement(state.pose, state.offset, state.time, sigma_time, covariance[:6, :6], matches, system.rms)
 
 
 @dataclass(frozen=True)
 class _State:
     pose: Pose3
     offset: float
+    time: float
+
+    def moved(self, delta: Array) -> _State:
+        """By delta (8,)."""
+        return _State(perturb(self.pose, delta), self.offset + float(delta[6]), self.time + float(delta[7]))
+
+
+@dataclass(frozen=True)
+class _Feet:
+    """Wall feet (N, 2, 2), m, platform frame at the images' stamps, and how the platform moves then (N, 3)."""
+
+    ends: Array
+    twists: Array | None
+
+    def after(self, seconds: float) -> Array:
+        """The feet in the platform frame that much later: what stands still moves against the platform."""
+        if self.twists is None:
+            return self.ends
+        x, y, turn = (self.twists[:, k, None] for k in range(3))
+        velocity = np.stack([x - turn * self.ends[..., 1], y + turn * self.ends[..., 0]], axis=-1)
+        return np.asarray(self.ends - seconds * velocity)
 
 
 @dataclass(frozen=True)
@@ -119,26 +151,27 @@ class _System:
 def _normal_equations(
     state: _State,
     camera: Camera,
-    feet: Array,
+    feet: _Feet,
     pixels: Array,
     vertical: tuple[Array, float],
     tolerance: float,
     free: NDArray[np.bool_],
 ) -> _System:
     """One weighted linearization, by forward differences."""
-    sigma = foot_sigmas(camera, state.pose, feet, pixels)
+    sigma = foot_sigmas(camera, state.pose, feet.after(state.time), pixels)
 
     def residuals(delta: Array) -> tuple[Array, Array]:
-        moved, offset = perturb(state.pose, delta), state.offset + delta[6]
-        distance = foot_distances(camera, moved, feet, pixels, offset) / sigma
-        return distance.ravel(), np.append(_vertical_residual(moved, *vertical), offset / SIGMA_FOOT)
+        at = state.moved(delta)
+        distance = foot_distances(camera, at.pose, feet.after(at.time), pixels, at.offset) / sigma
+        prior = [*_vertical_residual(at.pose, *vertical), at.offset / SIGMA_FOOT, at.time / SIGMA_TIME]
+        return distance.ravel(), np.array(prior)
 
-    distance, prior = residuals(np.zeros(7))
+    distance, prior = residuals(np.zeros(8))
     worst = np.abs(distance.reshape(-1, 2) * sigma).max(axis=1) / tolerance
     weight = np.repeat(np.clip(1 - worst**2, 0, None) ** 2, 2)
     columns = []
     for axis in np.flatnonzero(free):
-        delta = np.zeros(7)
+        delta = np.zeros(8)
         delta[axis] = 1e-6
         d, p = residuals(delta)
         columns.append(np.concatenate([d - distance, p - prior]) / 1e-6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.calibration.refine import Refinement, refine
 from recon.calibration.support import CalibrationFrames, score, support
@@ -16,6 +17,7 @@ REFINEMENT = (1.0, 1.0, 0.7, 0.5, 0.5, 0.5)  # of the tolerance
 MAX_ROUNDS = 3
 MAX_STARTS = 3
 NEXT_PLANE, LOWEST_PLANE = 0.02, 1.3  # m below the plane found (a baseboard's edge, a chair rail) to look for the floor
+HIGHEST_MIRRORED = 0.5  # m above the plane found: what a shining floor may show once more
 PLANE_PEAK, PLANE_EVIDENCE = 0.3, 0.4  # of the score and the evidence of the plane found
 PLANE_FRACTION = 0.5  # of the share of projected feet that the plane found explains, in a band of distance
 MAX_SILENT = 0.15  # of all projected feet, in bands with less
@@ -87,15 +89,20 @@ class PoseSearch:
 
         A baseboard's upper edge or a chair rail runs parallel to the wall's foot all around the building and explains
         the LiDAR as well as the foot; the floor is the lowest plane that lines support. A border on the floor supports
-        one only at some distances: the scale that suits near walls does not suit far ones.
+        one only at some distances: the scale that suits near walls does not suit far ones. A shining floor shows the
+        baseboard once more below it.
         """
         pose, offset = found.refined.platform_from_camera, found.refined.foot_offset
-        lower = np.arange(0.0, LOWEST_PLANE + 0.015, 0.01)
+        lower = 0.01 * np.arange(-round(100 * HIGHEST_MIRRORED), round(100 * LOWEST_PLANE) + 2)
         poses = [Pose3(pose.rotation, pose.translation + np.array([0.0, 0.0, z])) for z in lower]
         counts = (support(self._frames, self._camera, p, self._tolerance, None, offset) for p in poses)
         values = np.array([score(c) for c in counts])
-        peak = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:]) & (lower[1:-1] > NEXT_PLANE)
-        for i in np.flatnonzero(peak & (values[1:-1] > PLANE_PEAK * values[:3].max()))[::-1] + 1:
+        peak = np.zeros(len(values), np.bool_)
+        peak[1:-1] = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])
+        peak &= values > PLANE_PEAK * values[np.abs(lower) < 0.025].max()
+        for i in np.flatnonzero(peak & (lower > NEXT_PLANE))[::-1]:
+            if is_reflection(i, np.flatnonzero(peak), values):
+                continue
             candidate = self.refine(poses[i])
             if candidate is not None and self._is_floor(candidate, found):
                 return candidate
@@ -143,6 +150,16 @@ class PoseSearch:
         pose, offset = refined.platform_from_camera, refined.foot_offset
         tolerances = (self._tolerance, self._tolerance / 2)
         return sum(score(support(self._frames, self._camera, pose, t, None, offset)) for t in tolerances)
+
+
+def is_reflection(plane: int, peaks: NDArray[np.int64], values: Array) -> bool:
+    """Whether plane number `plane` is as far below one of the `peaks` as another is above it, both better supported.
+
+    values: (N,) support of planes at even steps, each lower than the one before.
+    """
+    better = peaks[(peaks < plane) & (values[peaks] > values[plane])]
+    mirrored = 2 * better - plane
+    return bool(np.any(np.abs(mirrored[:, None] - better) <= 1))
 
 
 def distinct(poses: list[Pose3]) -> list[Pose3]:

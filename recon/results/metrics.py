@@ -38,13 +38,16 @@ def metrics(build: Build) -> dict[str, Any]:
 def _calibration(build: Build) -> dict[str, Any] | None:
     if build.calibration is None:
         return None
-    sigma = np.sqrt(np.diag(build.calibration.covariance))
+    sigma, sigma_time = np.sqrt(np.diag(build.calibration.covariance)), build.calibration.sigma_time_offset
     return {
         "source": build.calibration.source,
         "sigma_rotation": [round(float(s), 6) for s in sigma[:3]],
         "sigma_translation": [round(float(s), 5) for s in sigma[3:]],
         "images": len(build.calibration.inlier_frames),
         "explained": round(build.calibration.inlier_fraction, 4),
+        "time_offset": round(build.calibration.time_offset, 4),
+        "measured_time_offset": round(build.calibration.measured_offset, 4),
+        "sigma_time_offset": round(sigma_time, 4) if np.isfinite(sigma_time) else None,
     }
 
 

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 from recon.config import LayoutConfig
 from recon.geometry import Array
 from recon.graph.estimate import MapEstimate
+from recon.layout.blocks import without_blocks
 from recon.layout.cells import Cells, cut_plane
 from recon.layout.clutter import is_sure, with_returns, without_clutter
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
 from recon.layout.labelling import areas, label_cells, supports, trust
+from recon.layout.leaves import without_leaves
 from recon.layout.line import PlanLine, merged_lines
 from recon.layout.objects import floor_objects
 from recon.layout.openings import find_openings
@@ -37,7 +39,8 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     path = estimate.trajectory.poses[:, :2]
     starts, ends = scan_rays(estimate.trajectory, scans)
     space = free_space(estimate.trajectory, starts, ends)
-    lines = without_clutter(absorb_steps(with_returns(merged_lines(estimate.walls), space)), space)
+    lines = without_leaves(with_returns(merged_lines(estimate.walls), space), space)
+    lines = without_clutter(absorb_steps(without_blocks(lines, space)), space)
     visited = visited_space(space, [line for line in lines if is_sure(line)], path)
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))

@@ -24,6 +24,8 @@ SHORTEST_PARTITION = 1.5
 THICKNESS = (0.07, 0.4)
 """m between the two faces of a wall; leaves are thinner."""
 PARALLEL = np.radians(5.0)
+JOINED = 0.15
+"""m from the end of a partition to the wall that it meets."""
 SPARSE = 0.6
 """m along a line between returns of one stretch."""
 BEHIND = (0.15, 0.25, 0.35)
@@ -59,11 +61,27 @@ def is_sure(line: PlanLine) -> bool:
 
 def without_clutter(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
     """The lines that are walls."""
-    lines = [line for line in lines if line.source == "image" or line.supported_length >= SHORTEST_WALL]
+    lines = [line for line in lines if line.source == "image" or _known_length(line) >= SHORTEST_WALL]
     long = [line for line in lines if line.supported_length >= SHORTEST_PARTITION]
-    lines = [line for line in lines if line.source == "image" or not _stands_free(line, space) or _has_face(line, long)]
+    far = Stretches(long)
+    lines = [
+        line
+        for line in lines
+        if line.source == "image" or not _stands_free(line, space) or _has_face(line, long) or _is_partition(line, far)
+    ]
     sure = Stretches([line for line in lines if is_sure(line)])
     return [line for line in lines if is_sure(line) or not _is_alone(line, sure)]
+
+
+def _known_length(line: PlanLine) -> float:
+    """m that were seen, or are hidden by what stands before them."""
+    return total(union(np.concatenate([line.support, line.hidden])))
+
+
+def _is_partition(line: PlanLine, long: Stretches) -> bool:
+    """Whether a line goes from one longer wall to another."""
+    ends = line.point(line.support[[0, -1], [0, 1]])
+    return bool(long.distance(ends).max() <= JOINED)
 
 
 def _stands_free(line: PlanLine, space: FreeSpace) -> bool:

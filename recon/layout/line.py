@@ -27,7 +27,8 @@ class PlanLine:
     origin (2,) m and direction (2,) unit, map frame; positions along it are metres from the origin.
     front, back: (K, 2) sorted disjoint stretches seen as a wall from the left and from the right of the direction.
     sigma_offset (m) at the origin and sigma_angle (rad), one standard deviation. frontier: (K, 2) stretches where
-    seen space just ends, with no wall. oblique: a frontier neither along nor across the walls beside it.
+    seen space just ends, with no wall. oblique: a frontier neither along nor across the walls beside it. hidden:
+    (K, 2) stretches that something before the wall hides.
     """
 
     origin: Array
@@ -40,6 +41,7 @@ class PlanLine:
     observations: int
     frontier: Array = field(default_factory=lambda: NONE)
     oblique: bool = False
+    hidden: Array = field(default_factory=lambda: NONE)
 
     @cached_property
     def normal(self) -> Array:

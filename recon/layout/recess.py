@@ -19,7 +19,7 @@ JAMB = 0.25
 STANDING_DEPTH = 1.0
 """m before the wall line: cupboards, boards, radiators."""
 STANDING_WIDTH = 2.2
-CORNER_DEPTH, CORNER_WIDTH = 0.7, 1.2
+CORNER_DEPTH, CORNER_WIDTH = 0.7, 2.2
 """m, of such a thing in a corner, where wall is seen on one side of it only."""
 SHADOW = 0.7
 """m of wall that such a thing may hide on either side."""
@@ -69,6 +69,7 @@ def _absorbed(wall: PlanLine, step: PlanLine, lines: list[PlanLine]) -> tuple[Pl
                 supported, low, high, -depth, step, stretch, lines
             ):
                 stretches = subtract(stretches, stretch[None])
+                wall = replace(wall, hidden=union(np.concatenate([wall.hidden, [[low, high]]])))
         wall = replace(wall, front=supported) if on_wall else replace(wall, back=supported)
         step = replace(step, front=stretches) if front else replace(step, back=stretches)
     return wall, step

@@ -92,7 +92,9 @@ def cut_plane(lines: list[PlanLine], low: Array, high: Array) -> Cells:
     frame = _frame(low, high)
     everything = lines + frame
     position, sine = crossings(everything)
-    stretches = _stretches(everything, len(lines), position, sine > STEEP)
+    stopped = sine > STEEP
+    stopped[:, len(lines) :] = sine[:, len(lines) :] > PARALLEL  # the frame stops every line
+    stretches = _stretches(everything, len(lines), position, stopped)
     points, owner, along = _cuts(everything, stretches, position, sine > PARALLEL)
     vertex, vertices = _snapped(points)
     edges, line = _chain(vertex, owner, along, stretches)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -174,34 +173,40 @@ def _chain(
     vertex: NDArray[np.int64], owner: NDArray[np.int64], along: Array, stretches: list[Array]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Edges (E, 2) between neighbouring vertices of each drawn stretch, and their lines (E,); no edge twice."""
-    edges: dict[tuple[int, int], tuple[int, int, int]] = {}
     order = np.lexsort((along, owner))
-    for i, j in pairwise(order):
-        if owner[i] != owner[j] or vertex[i] == vertex[j]:
-            continue
-        s, middle = stretches[owner[i]], (along[i] + along[j]) / 2
-        if np.any((s[:, 0] <= middle) & (middle <= s[:, 1])):
-            a, b = int(vertex[i]), int(vertex[j])
-            edges.setdefault((min(a, b), max(a, b)), (a, b, int(owner[i])))
-    table = np.array(list(edges.values()), dtype=np.int64).reshape(-1, 3)
-    return table[:, :2], table[:, 2]
+    i, j = order[:-1], order[1:]
+    middle = (along[i] + along[j]) / 2
+    same = (owner[i] == owner[j]) & (vertex[i] != vertex[j])
+    starts = np.searchsorted(owner[order], np.arange(len(stretches) + 1))
+    for k, s in enumerate(stretches):
+        part = slice(starts[k], max(starts[k + 1] - 1, starts[k]))
+        t = middle[part, None]
+        same[part] &= np.any((s[:, 0] <= t) & (t <= s[:, 1]), axis=1)
+    i, j = i[same], j[same]
+    edges = np.stack([vertex[i], vertex[j]], axis=1)
+    _, first = np.unique(np.sort(edges, axis=1), axis=0, return_index=True)
+    first.sort()
+    return edges[first], owner[i][first]
 
 
 def _faces(vertices: Array, edges: NDArray[np.int64], line: NDArray[np.int64]) -> Cells:
     """Cells from edges: polygons are traced by shapely and matched to the edges by their corners."""
-    polygons = np.array(list(shapely.polygonize(shapely.linestrings(vertices[edges])).geoms), dtype=object)
-    tree = cKDTree(vertices)
-    left, right = np.full(len(edges), -1, np.int64), np.full(len(edges), -1, np.int64)
-    index = {(int(a), int(b)): k for k, (a, b) in enumerate(edges)}
-    for c, polygon in enumerate(polygons):
-        for ring, ccw in [(polygon.exterior, True), *[(hole, False) for hole in polygon.interiors]]:
-            corner = np.asarray(tree.query(np.asarray(ring.coords))[1])
-            if ring.is_ccw != ccw:  # the cell on the left of the way round
-                corner = corner[::-1]
-            for a, b in pairwise(corner):
-                if (int(a), int(b)) in index:
-                    left[index[int(a), int(b)]] = c
-                else:
-                    right[index[int(b), int(a)]] = c
+    polygons = shapely.get_parts(shapely.polygonize(shapely.linestrings(vertices[edges])))
+    # the cell on the left of the way round, round its holes too
+    rings, cell = shapely.get_rings(shapely.orient_polygons(polygons), return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    corner = np.asarray(cKDTree(vertices).query(points)[1], dtype=np.int64)
+    step = ring[:-1] == ring[1:]
+    start, end, owner = corner[:-1][step], corner[1:][step], cell[ring[:-1][step]]
+    key, count = edges[:, 0] * len(vertices) + edges[:, 1], len(vertices)
+    order = np.argsort(key)
+    sides = []
+    for way in (start * count + end, end * count + start):
+        at = np.minimum(np.searchsorted(key[order], way), len(key) - 1)
+        found = key[order][at] == way
+        side = np.full(len(edges), -1, np.int64)
+        side[order[at[found]]] = owner[found]
+        sides.append(side)
+    left, right = sides
     used = (left >= 0) | (right >= 0)
     return Cells(polygons, vertices, edges[used], line[used], left[used], right[used])

@@ -56,12 +56,10 @@ def _allowed(triangle: Array, space: FreeSpace) -> bool:
 
 def free_area(polygon: shapely.Polygon, space: FreeSpace) -> float:
     """Seen free space in a polygon, m^2."""
-    rows, columns = space.index(np.array(polygon.bounds).reshape(2, 2))
-    window = np.zeros_like(space.free)
-    part = np.s_[rows[0] : rows[1] + 1, columns[0] : columns[1] + 1]
-    window[part] = space.free[part]
-    points = space.centres(window)
-    return float(shapely.contains_xy(polygon, points[:, 0], points[:, 1]).sum() * space.cell_area)
+    (bottom, top), (left, right) = space.index(np.array(polygon.bounds).reshape(2, 2))
+    row, column = np.nonzero(space.free[bottom : top + 1, left : right + 1])
+    x, y = (space.origin + space.resolution * (np.stack([column + left, row + bottom], axis=1) + 0.5)).T
+    return float(shapely.contains_xy(polygon, x, y).sum() * space.cell_area)
 
 
 def _simple(ring: list[Side], k: int) -> bool:

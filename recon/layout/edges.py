@@ -81,6 +81,14 @@ class _Planes:
             np.array([wall.source != "inferred" for wall in walls]),
         )
 
+    def near(self, centre: Array) -> tuple[_Planes, NDArray[np.int64]]:
+        """Those of the walls that come within `MAX_RANGE` of a point (2,), and which they are."""
+        along = np.clip(np.einsum("wi,wi->w", centre - self.start, self.direction), 0.0, self.length)
+        foot = self.start + along[:, None] * self.direction
+        index = np.flatnonzero(np.linalg.norm(foot - centre, axis=1) < MAX_RANGE)
+        part = (getattr(self, name)[index] for name in ("start", "direction", "normal", "length", "known"))
+        return _Planes(*part), index
+
     def meet(self, centre: Array, rays: Array) -> tuple[Array, Array]:
         """(N, W) in units of |ray| where rays (N, 2) from `centre` (2,) meet each wall's line, and m along it.
 
@@ -95,6 +103,8 @@ class _Planes:
 
     def first(self, centre: Array, rays: Array) -> tuple[NDArray[np.int64], Array]:
         """(N,) the wall that each ray meets first, -1 for none, and how far, in units of |ray|."""
+        if not len(self.start):
+            return np.full(len(rays), -1), np.full(len(rays), np.inf)
         t, along = self.meet(centre, rays)
         hit = (along >= -0.02) & (along <= self.length + 0.02)
         t = np.where(hit, t, np.inf)
@@ -137,6 +147,9 @@ def _on_walls(
     normal = np.concatenate([pixels, np.ones((*pixels.shape[:2], 1))], axis=2) @ np.linalg.inv(camera.matrix).T
     rays = normal @ pose.rotation.T
     centre = pose.translation[:2]
+    planes, number = planes.near(centre)
+    if not len(number):
+        return (rays[:0], np.zeros((0, 2)), np.zeros((0, 2))), number
     wall, _ = planes.first(centre, rays.mean(axis=1)[:, :2])
     index = np.arange(len(wall))
     hits = [planes.meet(centre, rays[:, k, :2]) for k in range(2)]
@@ -145,7 +158,7 @@ def _on_walls(
     first = np.stack([planes.first(centre, rays[:, k, :2])[1] for k in range(2)], axis=1)
     ok = (wall >= 0) & planes.known[wall] & np.isfinite(t).all(axis=1) & (t <= 1.02 * first + 0.02).all(axis=1)
     ok &= ((along > -BEYOND) & (along < planes.length[wall, None] + BEYOND)).all(axis=1)
-    return (rays[ok], t[ok], along[ok]), wall[ok].astype(np.int64)
+    return (rays[ok], t[ok], along[ok]), number[wall[ok]]
 
 
 def _sigma(rays: Array, normal: Array, reach: Array, offset_sigma: Array, camera: Camera) -> Array:
@@ -186,6 +199,7 @@ def shown_lengths(walls: Sequence[Wall], views: Sequence[View], camera: Camera, 
         inside = (pixels >= 0) & (pixels <= np.array([camera.width - 1, camera.height - 1]))
         near = near[inside.all(axis=1)]
         if len(near):
-            first, distance = planes.first(pose.translation[:2], rays[near])
-            out[k] = SAMPLE * np.sum((first == owner[near]) | (distance > 0.98))
+            around, number = planes.near(pose.translation[:2])
+            first, distance = around.first(pose.translation[:2], rays[near])
+            out[k] = SAMPLE * np.sum((number[first] == owner[near]) | (distance > 0.98))
     return out

@@ -102,15 +102,19 @@ def without_blocks(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
     faces = _Faces.of(lines)
     lines = list(lines)
     for pair in _outward_corners(faces):
-        if _is_block(faces, *pair, space):
-            for face, _ in pair:
-                k, gone = int(faces.line[face]), faces.span[face][None]
-                front, back = lines[k].front, lines[k].back
-                if faces.front[face]:
-                    front = subtract(front, gone)
-                else:
-                    back = subtract(back, gone)
-                lines[k] = replace(lines[k], front=front, back=back)
+        hidden = _hidden_walls(faces, *pair, space)
+        for face, ends in hidden:
+            wall = lines[int(faces.line[face])]
+            part = np.sort(wall.along(ends))[None]
+            lines[int(faces.line[face])] = replace(wall, hidden=union(np.concatenate([wall.hidden, part])))
+        for face, _ in pair if hidden else ():
+            k, gone = int(faces.line[face]), faces.span[face][None]
+            front, back = lines[k].front, lines[k].back
+            if faces.front[face]:
+                front = subtract(front, gone)
+            else:
+                back = subtract(back, gone)
+            lines[k] = replace(lines[k], front=front, back=back)
     return [line for line in lines if len(line.front) or len(line.back)]
 
 
@@ -134,25 +138,31 @@ def _away(faces: _Faces, face: int, end: int) -> Array:
     return np.asarray(faces.along[face] * (1.0 if end == 0 else -1.0))
 
 
-def _is_block(faces: _Faces, a: tuple[int, int], b: tuple[int, int], space: FreeSpace) -> bool:
-    """Whether two faces, which meet at the given ends, hide no more than furniture would before a wall or corner."""
-    at_wall = _stands_at_wall(faces, a, b) or _stands_at_wall(faces, b, a)
-    return at_wall or _fills_corner(faces, a, b, space)
+def _hidden_walls(faces: _Faces, a: tuple[int, int], b: tuple[int, int], space: FreeSpace) -> list[tuple[int, Array]]:
+    """What two faces, which meet at the given ends, hide if they are furniture's: faces of walls, from where to where.
+
+    The ends (2, 2) m are on the walls' lines. Empty where the two faces are no furniture's.
+    """
+    return _behind(faces, a, b) or _behind(faces, b, a) or _in_corner(faces, a, b, space)
 
 
-def _stands_at_wall(faces: _Faces, front: tuple[int, int], side: tuple[int, int]) -> bool:
-    """Whether a face with another at its end stands before a wall that was seen on both sides of it."""
+def _behind(faces: _Faces, front: tuple[int, int], side: tuple[int, int]) -> list[tuple[int, Array]]:
+    """The wall behind a face with another at its end, where it was seen on both sides of them."""
     way, back = _away(faces, *front), _away(faces, *side)
     depth, near = faces.length(side[0]), (front[0], 1 - front[1])
     if depth > DEPTH:
-        return False
+        return []
     reach = (depth - OVERSHOOT, min(depth + SLIT, DEPTH))
-    sides = ((faces.end(*front), -way), (faces.end(*near), way))
-    return all(faces.met(corner, back, reach, aside) is not None for corner, aside in sides)
+    first = faces.met(faces.end(*front), back, reach, -way)
+    last = faces.met(faces.end(*near), back, reach, way)
+    if first is None or last is None:
+        return []
+    ends = np.stack([faces.end(*front) + first[0] * back, faces.end(*near) + last[0] * back])
+    return [(face, ends) for face in dict.fromkeys((first[1], last[1]))]
 
 
-def _fills_corner(faces: _Faces, a: tuple[int, int], b: tuple[int, int], space: FreeSpace) -> bool:
-    """Whether two faces, which meet at the given ends, hide no more than a corner of furniture's size."""
+def _in_corner(faces: _Faces, a: tuple[int, int], b: tuple[int, int], space: FreeSpace) -> list[tuple[int, Array]]:
+    """The two walls of a corner of furniture's size that two faces hide."""
     ways = _away(faces, *a), _away(faces, *b)
     corner = (faces.end(*a) + faces.end(*b)) / 2
     walls, sizes = [], []
@@ -160,16 +170,17 @@ def _fills_corner(faces: _Faces, a: tuple[int, int], b: tuple[int, int], space: 
         length = faces.length(face)
         found = faces.met(corner, way, (length - OVERSHOOT, length + SLIT), side)
         if found is None:
-            return False
+            return []
         sizes.append(found[0])
         walls.append(found[1])
-    if min(sizes) > DEPTH or max(sizes) > LENGTH:
-        return False
     hidden = _crossing(faces, *walls)
-    if hidden is None or np.linalg.norm(hidden - corner) > DEPTH + LENGTH:
-        return False
-    quad = shapely.Polygon([corner, corner + sizes[0] * ways[0], hidden, corner + sizes[1] * ways[1]])
-    return bool(quad.is_valid and _free_share(quad, space) <= FREE)
+    if min(sizes) > DEPTH or max(sizes) > LENGTH or hidden is None or np.linalg.norm(hidden - corner) > DEPTH + LENGTH:
+        return []
+    feet = [corner + size * way for size, way in zip(sizes, ways, strict=True)]
+    quad = shapely.Polygon([corner, feet[0], hidden, feet[1]])
+    if not quad.is_valid or _free_share(quad, space) > FREE:
+        return []
+    return [(wall, np.stack([foot, hidden])) for wall, foot in zip(walls, feet, strict=True)]
 
 
 def _crossing(faces: _Faces, one: int, other: int) -> Array | None:

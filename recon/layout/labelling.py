@@ -79,7 +79,7 @@ def supports(cells: Cells, lines: list[PlanLine]) -> Array:
         low, high = spans[on, 0], spans[on, 1]
         bridged = union(line.support + np.array([-BRIDGED, BRIDGED]) / 2)
         out[on, 0] = np.minimum(coverage(bridged, low, high), high - low)
-        reached = union(line.support + np.array([-CONTINUATION, CONTINUATION]))
+        reached = union(np.concatenate([line.support + np.array([-CONTINUATION, CONTINUATION]), line.hidden]))
         out[on, 3] = np.clip(coverage(reached, low, high) - out[on, 0], 0.0, None)
         out[on, 1] = coverage(subtract(line.front, line.back), low, high)
         out[on, 2] = coverage(subtract(line.back, line.front), low, high)

@@ -22,6 +22,9 @@ MISFIT = 0.2
 """Share of its gap's width by which a leaf may be narrower or wider."""
 TURNED = np.sin(np.radians(20.0))
 """Sine of the angle between a leaf and its wall, at least."""
+SHADOW = 1.5
+"""Lengths of a leaf along the wall that it may hide."""
+PARALLEL = np.sin(np.radians(5.0))
 PASSED = 0.6
 """Share of a gap that rays went through, at least."""
 
@@ -34,16 +37,30 @@ def without_leaves(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
     owner, ends = _gaps(lines, space)
     if len(owner) == 0:
         return lines
-    out = []
-    for k, line in enumerate(lines):
-        front, back = line.front, line.back
-        for low, high in union(line.support, HINGE):
-            if WIDTH[0] <= high - low <= WIDTH[1] + THICKEST and _is_leaf(line, k, low, high, owner, ends):
+    lines = list(lines)
+    for k in range(len(lines)):
+        for low, high in union(lines[k].support, HINGE):
+            tips = lines[k].point(np.array([low, high]))
+            gap = _closed_gap(lines[k], k, tips, owner, ends)
+            if gap is not None:
+                _hide(lines, lines[int(owner[gap])], ends[gap], tips)
                 cut = np.array([[low, high]])
-                front, back = subtract(front, cut), subtract(back, cut)
-        if len(front) or len(back):
-            out.append(replace(line, front=front, back=back))
-    return out
+                line = lines[k]
+                lines[k] = replace(line, front=subtract(line.front, cut), back=subtract(line.back, cut))
+    return [line for line in lines if len(line.front) or len(line.back)]
+
+
+def _hide(lines: list[PlanLine], wall: PlanLine, gap: Array, tips: Array) -> None:
+    """Notes on the wall's faces that a leaf with ends `tips` (2, 2) m hides them beside its gap (2, 2)."""
+    low, high = np.sort(wall.along(gap))
+    place = wall.along(tips)
+    reach = SHADOW * float(np.linalg.norm(tips[1] - tips[0]))
+    at_low = np.abs(place - low).min() < np.abs(place - high).min()
+    foot = wall.point(np.array([low - reach, low] if at_low else [high, high + reach]))
+    for k, line in enumerate(lines):
+        if abs(cross2(line.direction, wall.direction)) < PARALLEL and np.abs(line.offset(foot)).max() <= THICKEST:
+            part = np.sort(line.along(foot))[None]
+            lines[k] = replace(line, hidden=union(np.concatenate([line.hidden, part])))
 
 
 def _gaps(lines: list[PlanLine], space: FreeSpace) -> tuple[NDArray[np.int64], Array]:
@@ -64,16 +81,19 @@ def _is_passed(line: PlanLine, low: float, high: float, space: FreeSpace) -> boo
     return float(space.is_free(foot).mean()) >= PASSED
 
 
-def _is_leaf(line: PlanLine, k: int, low: float, high: float, owner: NDArray[np.int64], ends: Array) -> bool:
-    """Whether a stretch of a line begins at an end of a gap in another wall that is as wide."""
-    tips = line.point(np.array([low, high]))
+def _closed_gap(line: PlanLine, k: int, tips: Array, owner: NDArray[np.int64], ends: Array) -> int | None:
+    """The gap, as wide as `tips` (2, 2) m of line `k` are apart, at whose end one of them is; None without."""
+    length = float(np.linalg.norm(tips[1] - tips[0]))
+    if not WIDTH[0] <= length <= WIDTH[1] + THICKEST:
+        return None
     step = ends[:, 1] - ends[:, 0]
     width = np.linalg.norm(step, axis=1)
     along = step / width[:, None]
     turned = np.abs(along @ line.normal) > TURNED
-    fits = (high - low >= (1 - MISFIT) * width) & (high - low <= (1 + MISFIT) * width + THICKEST)
+    fits = (length >= (1 - MISFIT) * width) & (length <= (1 + MISFIT) * width + THICKEST)
     offset = tips[None] - ends[:, :1]  # (G, 2, 2), of both tips
     place = np.einsum("gti,gi->gt", offset, along)
     across = np.abs(cross2(along[:, None], offset))
     beside = np.minimum(np.abs(place), np.abs(place - width[:, None])) <= HINGE
-    return bool(np.any((owner != k) & turned & fits & (beside & (across <= THICKEST)).any(axis=1)))
+    found = np.flatnonzero((owner != k) & turned & fits & (beside & (across <= THICKEST)).any(axis=1))
+    return int(found[0]) if len(found) else None

@@ -21,6 +21,8 @@ STANDING_DEPTH = 1.0
 STANDING_WIDTH = 2.2
 CORNER_DEPTH, CORNER_WIDTH = 0.7, 2.2
 """m, of such a thing in a corner, where wall is seen on one side of it only."""
+ASIDE = 0.1
+"""m from faces and ends of walls: from there one sees along them."""
 SHADOW = 0.7
 """m of wall that such a thing may hide on either side."""
 PARALLEL = np.radians(5.0)
@@ -66,7 +68,7 @@ def _absorbed(wall: PlanLine, step: PlanLine, lines: list[PlanLine]) -> tuple[Pl
                 if total(supported) < 2 * (high - low):
                     wall = _turned(wall, step, forward)
             elif DEPTH[0] <= -depth <= STANDING_DEPTH and _is_standing(
-                supported, low, high, -depth, step, stretch, lines
+                wall, supported, low, high, sign * -depth, step, stretch, lines
             ):
                 stretches = subtract(stretches, stretch[None])
                 wall = replace(wall, hidden=union(np.concatenate([wall.hidden, [[low, high]]])))
@@ -104,18 +106,43 @@ def _is_leaf(supported: Array, low: float, high: float, step: PlanLine, stretch:
 
 
 def _is_standing(
-    supported: Array, low: float, high: float, depth: float, step: PlanLine, stretch: Array, lines: list[PlanLine]
+    wall: PlanLine,
+    supported: Array,
+    low: float,
+    high: float,
+    depth: float,
+    step: PlanLine,
+    stretch: Array,
+    lines: list[PlanLine],
 ) -> bool:
-    """Whether wall is seen on both sides of [low, high], or on one and a corner is on the other, and not within it."""
+    """Whether wall is seen on both sides of [low, high], or on one and a corner is on the other, and not within it.
+
+    depth: m from the wall to the step, positive to the left of the wall.
+    """
     if high - low > STANDING_WIDTH or not _is_gap(supported, low, high):
         return False
     left = total(clip(supported, low - SHADOW, low)) > 0.1
     right = total(clip(supported, high, high + SHADOW)) > 0.1
     if left and right:
         return True
-    if not DEPTH[1] < depth <= CORNER_DEPTH or high - low > CORNER_WIDTH or not (left or right):
+    if not DEPTH[1] < abs(depth) <= CORNER_DEPTH or high - low > CORNER_WIDTH or not (left or right):
         return False  # the stub between a corner and a recessed door, or one leg of an L-shaped room
-    return min(_distance_to_walls(end, step, lines) for end in step.point(stretch)) < SHADOW
+    if min(_distance_to_walls(end, step, lines) for end in step.point(stretch)) >= SHADOW:
+        return False
+    seen = clip(supported, low - SHADOW, low)[-1] if left else clip(supported, high, high + SHADOW)[0]
+    foot = wall.point(float(seen.mean())) + np.sign(depth) * ASIDE * wall.normal
+    beside = wall.point(low - ASIDE if left else high + ASIDE) + (depth + np.sign(depth) * ASIDE) * wall.normal
+    return not any(_crosses(line, foot, beside) for line in lines)
+
+
+def _crosses(line: PlanLine, start: Array, end: Array) -> bool:
+    """Whether a supported stretch of a line lies across the way from `start` to `end` (2,) m."""
+    ends = np.stack([start, end])
+    (a, b), (s, t) = line.offset(ends), line.along(ends)
+    if a * b >= 0:
+        return False
+    place = s + a / (a - b) * (t - s)
+    return bool(np.any((line.support[:, 0] <= place) & (place <= line.support[:, 1])))
 
 
 def _is_gap(supported: Array, low: float, high: float) -> bool:

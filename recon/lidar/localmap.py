@@ -46,11 +46,8 @@ class LocalMap:
 
 def build_map(cloud: Cloud, centre: Array, config: LidarConfig) -> LocalMap:
     """The map of a cloud in the map frame, within `EXTENT` of the centre (2,)."""
-    inside = np.flatnonzero(np.abs(cloud.xy - centre).max(axis=1) < EXTENT)
-    xy = cloud.xy[inside]
-    corner = xy.min(axis=0) if len(xy) else np.asarray(centre, dtype=np.float64)
-    shape = (np.ptp(xy, axis=0) / CELL).astype(np.int64) + 1 if len(xy) else np.ones(2, np.int64)
-    rows = np.column_stack([xy, cloud.normals[inside], cloud.flat[inside], cloud.information[inside]])
+    rows, corner, far = _rows(cloud.xy, cloud.normals, cloud.flat, cloud.information, centre, EXTENT)
+    shape = ((far - corner) / CELL).astype(np.int64) + 1
     apart = max(3.0 * config.range_sigma, 0.02)
     head = np.full((int(shape[0]), int(shape[1])), -1, np.int64)
     after = np.full(len(rows), -1, np.int64)
@@ -59,6 +56,26 @@ def build_map(cloud: Cloud, centre: Array, config: LidarConfig) -> LocalMap:
     return LocalMap(
         rows[:, 0:2].copy(), rows[:, 2:4].copy(), rows[:, 4] > 0, rows[:, 5].copy(), head, after[:count], corner
     )
+
+
+@njit(cache=True)
+def _rows(
+    xy: Array, normals: Array, flat: Bools, information: Array, centre: Array, extent: float
+) -> tuple[Array, Array, Array]:
+    """Rows x, y, normal x, y, flat, information of the points nearer to the centre than `extent` on both axes, and the
+    corners (2,) of the box round them; the centre where there are none."""
+    rows, count = np.empty((len(xy), 6)), 0
+    corner, far = centre.copy(), centre.copy()
+    for i in range(len(xy)):
+        if abs(xy[i, 0] - centre[0]) >= extent or abs(xy[i, 1] - centre[1]) >= extent:
+            continue
+        for c in range(2):
+            rows[count, c], rows[count, 2 + c] = xy[i, c], normals[i, c]
+            corner[c] = min(corner[c], xy[i, c]) if count else xy[i, c]
+            far[c] = max(far[c], xy[i, c]) if count else xy[i, c]
+        rows[count, 4], rows[count, 5] = 1.0 if flat[i] else 0.0, information[i]
+        count += 1
+    return rows[:count], corner, far
 
 
 @njit(cache=True)

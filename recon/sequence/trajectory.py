@@ -23,8 +23,11 @@ class Trajectory:
     def at(self, times: ArrayLike) -> Array:
         """Poses (M, 3) at `times` (M,), linear between neighbours, held at the ends."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        yaw = np.unwrap(self.poses[:, 2])
-        out = np.stack([np.interp(t, self.timestamps, c) for c in (self.poses[:, 0], self.poses[:, 1], yaw)], axis=1)
+        # only the part around `times`: a few poses of a long drive are asked for again and again
+        low = max(int(np.searchsorted(self.timestamps, t.min(initial=np.inf))) - 1, 0)
+        part = slice(min(low, len(self) - 1), int(np.searchsorted(self.timestamps, t.max(initial=-np.inf))) + 1)
+        stamps, poses = self.timestamps[part], self.poses[part]
+        out = np.stack([np.interp(t, stamps, c) for c in (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))], axis=1)
         out[:, 2] = (out[:, 2] + np.pi) % (2 * np.pi) - np.pi
         return out
 

@@ -58,6 +58,15 @@ def apply2(a_from_b: ArrayLike, points_b: ArrayLike) -> Array:
     return np.asarray(points_b, dtype=np.float64) @ rotation2(float(pose[2])).T + pose[:2]
 
 
+def align2(points: ArrayLike, reference: ArrayLike) -> Array:
+    """Planar pose (3,) that brings points (N, 2) closest to reference (N, 2) (Umeyama 1991, without scale)."""
+    p, q = np.asarray(points, dtype=np.float64), np.asarray(reference, dtype=np.float64)
+    a, b = p - p.mean(axis=0), q - q.mean(axis=0)
+    yaw = float(np.angle(np.sum((a @ np.array([1, -1j])) * (b @ np.array([1, 1j])))))
+    shift = q.mean(axis=0) - apply2([0.0, 0.0, yaw], p.mean(axis=0)[None])[0]
+    return np.array([*shift, yaw])
+
+
 @dataclass(frozen=True)
 class Pose3:
     """A rigid transform in space, `target_from_source`.

@@ -57,14 +57,14 @@ def tape_on_layout(measures: TapeMeasures, layout: Layout) -> Tape:
 
     Raises InputError for ids that the layout does not have, walls that no sensor saw, and pairs far from parallel.
     """
-    first = [_wall(measures, row, int(number), layout) for row, number in enumerate(measures.first)]
-    second = [_wall(measures, row, int(number), layout) for row, number in enumerate(measures.second)]
+    first = [named_wall(measures.name(row), int(number), layout) for row, number in enumerate(measures.first)]
+    second = [named_wall(measures.name(row), int(number), layout) for row, number in enumerate(measures.second)]
     for row, (a, b) in enumerate(zip(first, second, strict=True)):
         angle = float(np.arccos(np.clip(abs(a.direction @ b.direction), 0.0, 1.0)))
         if angle > MAX_ANGLE:
             raise InputError(f"{measures.name(row)}: are {np.degrees(angle):.0f} degrees from parallel")
     names = tuple(measures.name(row) for row in range(len(measures)))
-    return Tape(_lines(first), _lines(second), measures.distance, measures.sigma, names)
+    return Tape(wall_lines(first), wall_lines(second), measures.distance, measures.sigma, names)
 
 
 def surprises(measures: TapeMeasures, solved: Array) -> list[str]:
@@ -76,17 +76,21 @@ def surprises(measures: TapeMeasures, solved: Array) -> list[str]:
     ]
 
 
-def _wall(measures: TapeMeasures, row: int, number: int, layout: Layout) -> Wall:
+def named_wall(what: str, number: int, layout: Layout) -> Wall:
+    """The wall of id `number`; InputError, beginning with `what`, where there is none or no sensor saw it."""
     for wall in layout.walls:
         if wall.id == number:
             if wall.source == "inferred":
-                raise InputError(f"{measures.name(row)}: wall {number} is inferred, no sensor saw it")
+                raise InputError(f"{what}: wall {number} is inferred, no sensor saw it")
             return wall
     known = f"0 to {max(wall.id for wall in layout.walls)}" if layout.walls else "none"
-    raise InputError(f"{measures.name(row)}: no wall {number} in the layout of this sequence (ids {known})")
+    raise InputError(f"{what}: no wall {number} in the layout of this sequence (ids {known})")
 
 
-def _lines(walls: list[Wall]) -> Lines:
-    angle = np.array([np.arctan2(w.direction[1], w.direction[0]) for w in walls])
-    half = np.array([w.length / 2 for w in walls])
-    return Lines(np.array([(w.start + w.end) / 2 for w in walls]), angle, half, np.zeros((len(walls), 2, 2)))
+def wall_lines(walls: list[Wall]) -> Lines:
+    """Walls as the graph has them."""
+    angle = np.array([np.arctan2(w.direction[1], w.direction[0]) for w in walls], dtype=np.float64)
+    half = np.array([w.length / 2 for w in walls], dtype=np.float64)
+    return Lines(
+        np.array([(w.start + w.end) / 2 for w in walls]).reshape(-1, 2), angle, half, np.zeros((len(walls), 2, 2))
+    )

@@ -9,8 +9,8 @@ import numpy as np
 from recon.drawing import Drawing, Truth, save_drawing
 from recon.errors import InputError
 from recon.evaluate.relations import poses_at, relation_residuals
-from recon.evaluate.trajectory import align, associate
-from recon.geometry import Array, compose2, wrap_angle
+from recon.evaluate.trajectory import associate
+from recon.geometry import Array, align2, compose2, wrap_angle
 from recon.results.accuracy import read_closures, read_sigmas
 from recon.results.reader import load_layout, load_residuals
 from recon.sequence.groundtruth import GroundTruth, read_groundtruth
@@ -56,7 +56,7 @@ def _truth(truth: GroundTruth, trajectory: Trajectory, odometry: Trajectory | No
     if truth.trajectory is not None:
         mine, theirs = associate(trajectory.timestamps, truth.trajectory.timestamps)
         a, b = trajectory.poses[mine], truth.trajectory.poses[theirs]
-        fit = align(b[:, :2], a[:, :2])
+        fit = align2(b[:, :2], a[:, :2])
         moved = compose2(fit, b)
         way = compose2(fit, truth.trajectory.poses)[:, :2]
         distance = np.linalg.norm(a[:, :2] - moved[:, :2], axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import InputError
-from recon.geometry import Array, apply2, between2, compose2, wrap_angle
+from recon.geometry import Array, align2, between2, compose2, wrap_angle
 from recon.sequence.trajectory import Trajectory
 
 MAX_TIME_DIFFERENCE = 0.01  # s, evo's default
@@ -38,7 +38,7 @@ def trajectory_errors(estimate: Trajectory, truth: Trajectory) -> TrajectoryErro
             f"{MAX_TIME_DIFFERENCE} s, expected at least 2"
         )
     a, b = estimate.poses[mine], truth.poses[theirs]
-    moved = compose2(align(a[:, :2], b[:, :2]), a)
+    moved = compose2(align2(a[:, :2], b[:, :2]), a)
     distance = np.linalg.norm(moved[:, :2] - b[:, :2], axis=1)
     relative = between2(between2(b[:-1], b[1:]), between2(a[:-1], a[1:]))
     return TrajectoryErrors(
@@ -59,14 +59,6 @@ def associate(first: Array, second: Array) -> tuple[NDArray[np.int64], NDArray[n
     nearest = np.where(np.abs(second[left] - first) <= np.abs(second[nearest] - first), left, nearest)
     ok = np.flatnonzero(np.abs(second[nearest] - first) <= MAX_TIME_DIFFERENCE)
     return ok, nearest[ok]
-
-
-def align(points: Array, reference: Array) -> Array:
-    """Planar pose (3,) that brings points (N, 2) closest to reference (N, 2) (Umeyama 1991, without scale)."""
-    a, b = points - points.mean(axis=0), reference - reference.mean(axis=0)
-    yaw = float(np.angle(np.sum((a @ np.array([1, -1j])) * (b @ np.array([1, 1j])))))
-    shift = reference.mean(axis=0) - apply2([0.0, 0.0, yaw], points.mean(axis=0)[None])[0]
-    return np.array([*shift, yaw])
 
 
 def _rms(values: Array) -> float:

@@ -40,6 +40,23 @@ class WallLine:
 
 
 @dataclass(frozen=True)
+class Survey:
+    """The map in the frame of a survey, and K control points.
+
+    survey_from_map: (3,) planar pose [x, y, yaw]. sigma: (3,) one standard deviation of where the map lies, x and y at
+    the points' centre (m) and yaw (rad). solved: (K, 2) m, the points as the model has them, survey frame. kept: (K,)
+    points that the solution keeps to; the others contradict it. off: (K,) how far each was from what the map and the
+    other points said before, standard deviations.
+    """
+
+    survey_from_map: Array
+    sigma: Array
+    solved: Array
+    kept: NDArray[np.bool_]
+    off: Array
+
+
+@dataclass(frozen=True)
 class MapEstimate:
     """Poses at every scan, wall lines, and how sure they are.
 
@@ -47,6 +64,7 @@ class MapEstimate:
     odometry_scale: estimated factor true / reported of the given odometry's distances, None without odometry.
     residuals: root mean square of normalised residuals by kind of factor (1 = as expected).
     tape: (T,) m, solved distances between the walls that were measured by hand.
+    survey: how map and surveyed control points fit, None without any.
     closures: (L, 2) scans that are one place visited again, as far as loop closure found and kept them.
     """
 
@@ -56,4 +74,5 @@ class MapEstimate:
     odometry_scale: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     tape: Array = field(default_factory=lambda: np.zeros(0))
+    survey: Survey | None = None
     closures: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))

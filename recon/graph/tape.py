@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import InputError
-from recon.geometry import Array, between2
+from recon.geometry import Array, between2, compose2, inverse2
 from recon.graph.line import Difference, Lines
 
 Ints = NDArray[np.int64]
@@ -40,7 +40,7 @@ class Tape:
 
     def landmarks(self, walls: Lines) -> Ints:
         """(T, 2) rows of `walls` that the distances lie between; InputError where no landmark is there any more."""
-        found = np.stack([_nearest(self.first, walls), _nearest(self.second, walls)], axis=1)
+        found = np.stack([nearest_walls(self.first, walls), nearest_walls(self.second, walls)], axis=1)
         missing = np.flatnonzero((found < 0).any(axis=1) | (found[:, 0] == found[:, 1]))
         if len(missing):
             raise InputError(
@@ -48,8 +48,21 @@ class Tape:
             )
         return found
 
+    def moved(self, walls: Lines, poses: Array) -> Tape:
+        """The measured walls as they are now that the landmarks `walls` are at `poses` (W, 3)."""
+        first, second = self.landmarks(walls).T
+        return replace(
+            self, first=carried(self.first, walls, poses, first), second=carried(self.second, walls, poses, second)
+        )
 
-def _nearest(lines: Lines, walls: Lines) -> Ints:
+
+def carried(lines: Lines, walls: Lines, poses: Array, rows: Ints) -> Lines:
+    """`lines` (T,) moved as their landmarks `rows` (T,) of `walls` have moved, which now are at `poses` (W, 3)."""
+    placed = compose2(compose2(poses[rows], inverse2(walls.pose[rows])), lines.pose).reshape(-1, 3)
+    return replace(lines, middle=placed[:, :2], angle=placed[:, 2])
+
+
+def nearest_walls(lines: Lines, walls: Lines) -> Ints:
     """(T,) the wall along each line that shares the longest stretch with it, -1 where there is none."""
     apart = Difference.between(lines, walls)
     shared = np.where((np.abs(apart.offset) < NEAR) & (np.abs(apart.angle) < SAME_WAY), -apart.gap, -np.inf)

@@ -1,0 +1,232 @@
+"""Images where the scans are blind: along a bare corridor they alone tell how far the platform moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.calibration.frames import segments_at
+from recon.calibration.result import Calibration
+from recon.geometry import Array, between2, compose2, rotation2, wrap_angle
+from recon.graph.slide import Slide, Step, estimate_slide, on_surfaces, project
+from recon.lidar.matching import ScanMatching
+from recon.lidar.segment import Segments
+from recon.sequence.camera import Camera
+from recon.sequence.images import load_image
+from recon.sequence.sequence import Sequence as Drive
+from recon.sequence.trajectory import Trajectory
+from recon.vision.tracks import find_corners, follow
+
+BLIND = 0.02
+"""m: standard deviation of a scan match along a direction from which images are asked."""
+SIGHTED = 0.02
+"""m: and across it, up to which the scans tell the rest."""
+LONGEST = 1.5
+"""s between images beyond which corners are not followed."""
+ACCELERATION = 1.0
+"""m/s^2: how a speed that images tell changes until another is told."""
+GAP = 1.0
+"""s after which it says nothing any more."""
+STRAY = 1.0
+"""m/s: how far from the prediction a platform may be where nothing tells: it does not jump."""
+
+STRONGEST = 120
+"""Corners that are followed without a good guess; the first estimate says where to look for the others."""
+
+Load = Callable[[int], NDArray[np.uint8] | None]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a pair of neighbouring images says. start, end: s. direction: (2,) unit, map frame; way: m along it from
+    start to end. variance: m^2, of chance. change: (6,) as in Slide."""
+
+    start: float
+    end: float
+    direction: Array
+    way: float
+    variance: float
+    change: Array
+
+
+@dataclass(frozen=True)
+class Way:
+    """length: m along direction (2,), unit, map frame; variance: m^2."""
+
+    length: float
+    variance: float
+    direction: Array
+
+
+@dataclass(frozen=True)
+class Eye:
+    """Images and where they look from. times: (F,) s, on the scanner's clock. load(i): image i, grey (H, W) or None."""
+
+    times: Array
+    load: Load
+    camera: Camera
+    calibration: Calibration
+
+    @staticmethod
+    def of(sequence: Drive, calibration: Calibration) -> Eye | None:
+        """Of a sequence; None where it has no images."""
+        camera, images = sequence.camera, sequence.images
+        if camera is None or images is None:
+            return None
+
+        def load(index: int) -> NDArray[np.uint8] | None:
+            return load_image(images, index, camera, grey=True, warnings=[])  # said when lines were found
+
+        return Eye(calibration.on_scan_clock(images.timestamps), load, camera, calibration)
+
+
+def see_along(matching: ScanMatching, segments: Sequence[Segments], eye: Eye) -> tuple[ScanMatching, int]:
+    """The scan matching with blind motions filled in from images, and how many pairs of images did so.
+
+    A motion is blind where its scan match is vague along one direction and sure across it. Motions and covariances are
+    fused (Kalman), and the trajectory is chained anew. Where images see nothing the prediction stays, and is held to
+    what platforms can do.
+    """
+    blind = blind_steps(matching)
+    if not blind.any():
+        return matching, 0
+    seen = list(_look(matching, segments, eye, blind))
+    speeds = Speeds.of(seen, eye.calibration.covariance)
+    poses, stamps = matching.trajectory.poses, matching.trajectory.timestamps
+    relative, vague = between2(poses[:-1], poses[1:]), np.linalg.eigh(_in_map(matching))[1][:, :, 1]
+    fused, alone = matching.covariances.copy(), matching.scan_covariances.copy()
+    told = {int(k): speeds.between(float(stamps[k]), float(stamps[k + 1])) for k in np.flatnonzero(blind)}
+    for k, told_way in told.items():
+        stray = STRAY * float(stamps[k + 1] - stamps[k])
+        predicted = Way(float(vague[k] @ (poses[k + 1, :2] - poses[k, :2])), stray**2, vague[k])
+        way = told_way or predicted
+        axis = np.append(rotation2(-float(poses[k, 2])) @ way.direction, 0.0)
+        pull = alone[k] @ axis
+        relative[k] += pull / (axis @ pull + way.variance) * (way.length - axis @ relative[k])
+        for covariance in (fused[k], alone[k]):
+            pull = covariance @ axis
+            covariance -= np.outer(pull, pull) / (axis @ pull + way.variance)
+    trajectory = Trajectory(stamps, _chained(poses[0], relative))
+    return replace(matching, trajectory=trajectory, covariances=fused, scan_covariances=alone), len(seen)
+
+
+def blind_steps(matching: ScanMatching) -> NDArray[np.bool_]:
+    """(N-1,) motions between scans that the scans do not tell along exactly one direction."""
+    spread = np.sqrt(np.linalg.eigvalsh(matching.scan_covariances[:, :2, :2]))
+    return np.asarray((spread[:, 1] > BLIND) & (spread[:, 0] < SIGHTED))
+
+
+def _look(matching: ScanMatching, segments: Sequence[Segments], eye: Eye, blind: NDArray[np.bool_]) -> Iterator[Seen]:
+    """What pairs of images say that were taken while the scans were blind."""
+    stamps, poses = matching.trajectory.timestamps, matching.trajectory.at(eye.times)
+    walls = segments_at(eye.times, matching.trajectory, segments)
+    turned = _in_map(matching)
+    speed: float | None = None
+    last: tuple[int, NDArray[np.uint8] | None] = (-1, None)
+    ahead = np.array([1.0, 0.0])
+    for i in range(len(eye.times) - 1):
+        start, end = float(eye.times[i]), float(eye.times[i + 1])
+        during = np.flatnonzero(blind & (stamps[1:] > start) & (stamps[:-1] < end))
+        if not len(during) or end - start > LONGEST or len(walls[i]) == 0:
+            speed = None
+            continue
+        first = last[1] if last[0] == i else eye.load(i)
+        second = eye.load(i + 1)
+        last = (i + 1, second)
+        axis = np.linalg.eigh(turned[during].sum(axis=0))[1][:, 1]
+        reference = ahead if speed is not None else poses[i + 1, :2] - poses[i, :2]
+        ahead = axis if axis @ reference >= 0 else -axis
+        if first is None or second is None:
+            speed = None
+            continue
+        step = _step(between2(poses[i], poses[i + 1]), rotation2(-float(poses[i, 2])) @ ahead)
+        starts = [(poses[i + 1, :2] - poses[i, :2]) @ ahead, 0.0]
+        slide = _slide(
+            first, second, step, starts if speed is None else [speed * (end - start), *starts], walls[i], eye
+        )
+        speed = None if slide is None else slide.way / (end - start)
+        if slide is not None:
+            yield Seen(start, end, ahead, slide.way, slide.sigma**2, slide.change)
+
+
+def _in_map(matching: ScanMatching) -> Array:
+    """(N-1, 2, 2) m^2: covariances of the scan matches' positions, map frame."""
+    yaw = matching.trajectory.poses[:-1, 2]
+    c, s = np.cos(yaw), np.sin(yaw)
+    turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    return np.asarray(turn @ matching.scan_covariances[:, :2, :2] @ turn.transpose(0, 2, 1))
+
+
+def _step(relative: Array, direction: Array) -> Step:
+    across = float(direction[0] * relative[1] - direction[1] * relative[0])
+    return Step(direction, float(wrap_angle(relative[2])), across)
+
+
+def _slide(
+    first: NDArray[np.uint8], second: NDArray[np.uint8], step: Step, starts: list[float], walls: Array, eye: Eye
+) -> Slide | None:
+    """The way between two images, from the first of the starts that leads somewhere."""
+    pose, camera = eye.calibration.platform_from_camera, eye.camera
+    corners = find_corners(first)
+    rays = np.concatenate([camera.undistort(corners), np.ones((len(corners), 1))], axis=1)
+    points = on_surfaces(rays, pose, walls)
+    known = np.isfinite(points[:, 0])
+    corners, rays, points = corners[known], rays[known], points[known]
+    for start in starts:
+        found, way = None, float(start)
+        for most, near in ((STRONGEST, False), (len(corners), True)):
+            predicted = project(points[:most], step.relative(np.array([way, 0.0, 0.0])), pose, camera)
+            ahead = np.isfinite(predicted[:, 0])
+            guess = np.where(ahead[:, None], predicted, corners[:most])
+            seen, followed = follow(first, second, corners[:most], guess, near)
+            use = followed & ahead
+            found = estimate_slide(rays[:most][use], seen[use], step, way, pose, camera, walls)
+            if found is None:
+                break
+            way = found.way
+        if found is not None:
+            return found
+    return None
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Speeds along a direction that pairs of images tell, in order of time. systematic: m^2 a metre, what an error of
+    the camera's pose adds, which is the same in all pairs: motions are taken for independent, so it is spread as a
+    walk that is as wide after the whole way as the error is."""
+
+    seen: list[Seen]
+    systematic: float
+
+    @staticmethod
+    def of(seen: list[Seen], covariance: Array) -> Speeds:
+        """covariance: (6, 6) of the camera's pose."""
+        change = np.sum([s.change for s in seen], axis=0) if seen else np.zeros(6)
+        return Speeds(seen, float(change @ covariance @ change) / max(sum(abs(s.way) for s in seen), 1e-6))
+
+    def between(self, start: float, end: float) -> Way | None:
+        """The way between two times, s; None where no image is near."""
+        if not self.seen:
+            return None
+        middle, span = (start + end) / 2, end - start
+        gaps = [max(s.start - middle, middle - s.end, 0.0) for s in self.seen]
+        nearest = self.seen[int(np.argmin(gaps))]
+        gap = min(gaps)
+        if gap > GAP:
+            return None
+        some = [s for s in self.seen if abs((s.start + s.end) / 2 - middle) < 2 * GAP]
+        rates = [s.way / (s.end - s.start) * np.sign(s.direction @ nearest.direction) for s in some]
+        way = float(np.interp(middle, [(s.start + s.end) / 2 for s in some], rates)) * span
+        variance = nearest.variance * span / (nearest.end - nearest.start) + (ACCELERATION * gap * span) ** 2
+        return Way(way, variance + self.systematic * abs(way), nearest.direction)
+
+
+def _chained(first: Array, relative: Array) -> Array:
+    """(N, 3) poses from the first one and the motions (N-1, 3) that follow."""
+    poses = [first]
+    for motion in relative:
+        poses.append(compose2(poses[-1], motion))
+    return np.array(poses)

@@ -25,6 +25,7 @@ from recon.config import Config
 from recon.errors import ConfigError
 from recon.faces import extrude
 from recon.geometry import Array, Pose3, between2
+from recon.graph.blind import Eye, blind_steps, see_along
 from recon.graph.boundary import boundary_observations
 from recon.graph.ekf import solve_filter
 from recon.graph.estimate import MapEstimate
@@ -102,6 +103,7 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, tape:
     sequence, matching, segments = _scans(sequence, config, run)
     lines, vertical = _lines(sequence, config, run)
     calibration = _calibration(sequence, lines, vertical, matching.trajectory, segments, config, run)
+    matching = _sighted(sequence, calibration, matching, segments, run)
     closed = _closed(sequence, matching, config, run)
     estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run)
     if tape is not None:
@@ -208,6 +210,18 @@ def _calibration(
     run.warnings.extend(result.warnings)
     run.counts["calibration images"] = len(result.inlier_frames)
     return result
+
+
+def _sighted(
+    sequence: Sequence, calibration: Calibration | None, matching: ScanMatching, segments: list[Segments], run: _Run
+) -> ScanMatching:
+    """The scan matches, filled in from images where they say nothing along a corridor."""
+    eye = None if calibration is None else Eye.of(sequence, calibration)
+    if eye is None or not blind_steps(matching).any():
+        return matching
+    with run.stage("image motion"):
+        matching, run.counts["image motions"] = see_along(matching, segments, eye)
+    return matching
 
 
 def _closed(sequence: Sequence, matching: ScanMatching, config: Config, run: _Run) -> ClosedLoops:

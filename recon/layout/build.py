@@ -23,6 +23,7 @@ from recon.layout.outline import Side, sides, spurs, walls_of
 from recon.layout.recess import absorb_steps
 from recon.layout.returns import Returns
 from recon.layout.rooms import regions, room_names, simple_polygons
+from recon.layout.sight import within_sight
 from recon.layout.simplify import simplified
 from recon.layout.visited import visited_space
 from recon.model import Layout, Room, Wall
@@ -39,7 +40,8 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     path = estimate.trajectory.poses[:, :2]
     starts, ends = scan_rays(estimate.trajectory, scans)
     space = free_space(estimate.trajectory, starts, ends)
-    lines = without_leaves(with_returns(merged_lines(estimate.walls), space), space)
+    lines = within_sight(with_returns(merged_lines(estimate.walls), space), path)
+    lines = without_leaves(lines, space)
     lines = without_clutter(absorb_steps(without_blocks(lines, space)), space)
     visited = visited_space(space, [line for line in lines if is_sure(line)], path)
     lines += frontier_lines(space, lines)

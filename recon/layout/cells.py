@@ -19,6 +19,8 @@ SNAP = 0.001
 """m, crossings closer than this are one corner."""
 STUB = 0.8
 """m that a stretch goes on past the wall it ends at: what it ends at may be furniture before the corner."""
+FURTHEST = 15.0
+"""m that a stretch goes on where it meets no wall: a wall is continued in its own part of the building."""
 EDGE = 0.02
 """m that it goes on past the box around everything (so that the crossing is found)."""
 REACH = 0.05
@@ -138,7 +140,7 @@ def _after(stops: Array, b: float) -> float:
     k = int(np.searchsorted(stops, b + REACH))
     if k == 0 or stops[k - 1] < b - REACH:
         k = min(k + 1, len(stops))
-    return float(min(stops[k - 1] + STUB, stops[-1] + EDGE))
+    return float(min(stops[k - 1] + STUB, stops[-1] + EDGE, b + FURTHEST))
 
 
 def _cuts(

@@ -81,14 +81,14 @@ def _wall_to_json(wall: Wall) -> dict[str, Any]:
 def _room_to_json(room: Room) -> dict[str, Any]:
     out: dict[str, Any] = {"id": int(room.id), "name": room.name, "polygon": _points(room.polygon)}
     if room.ceiling_height is not None:
-        out["ceiling_height"] = _rounded(room.ceiling_height)
-    return out
+        out |= {"ceiling_height": _rounded(room.ceiling_height), "sigma_ceiling": _rounded(room.sigma_ceiling)}
+    return out | {"area": _rounded(room.area), "perimeter": _rounded(room.perimeter)}
 
 
 def _opening_to_json(opening: Opening) -> dict[str, Any]:
     start, end = _points(np.stack([opening.start, opening.end]))
     extent = {"start": start, "end": end, "bottom": _rounded(opening.bottom), "top": _rounded(opening.top)}
-    more = {"open": True} if opening.open else {}
+    more = {"sigma_top": _rounded(opening.sigma_top)} | ({"open": True} if opening.open else {})
     return {"id": int(opening.id), "type": opening.type, "wall": int(opening.wall), **extent, **more}
 
 
@@ -193,7 +193,8 @@ class _Reader:
         room_id = self.integer(data, "id", place)
         polygon = self.polygon(data.get("polygon"), f"{place}.polygon")
         height = self.optional(data, "ceiling_height", place)
-        return Room(room_id, self.text(data, "name", place, f"room {room_id}"), polygon, height)
+        sigma = self.optional(data, "sigma_ceiling", place)
+        return Room(room_id, self.text(data, "name", place, f"room {room_id}"), polygon, height, sigma)
 
     def opening(self, value: Any, place: str) -> Opening:
         data = self.mapping(value, place)
@@ -207,6 +208,7 @@ class _Reader:
             bottom=self.number(data, "bottom", place, 0.0),
             top=self.number(data, "top", place),
             open=self.flag(data, "open", place),
+            sigma_top=self.optional(data, "sigma_top", place),
         )
 
     def object(self, value: Any, place: str) -> FloorObject:

@@ -53,19 +53,35 @@ class Wall:
 
 @dataclass(frozen=True)
 class Room:
-    """A closed, counter-clockwise, simple polygon (n, 2), m, map frame, first corner not repeated."""
+    """A closed, counter-clockwise, simple polygon (n, 2), m, map frame, first corner not repeated.
+
+    ceiling_height, sigma_ceiling: m, where images show this room's ceiling, with its standard deviation.
+    """
 
     id: int
     name: str
     polygon: Array
     ceiling_height: float | None = None
+    sigma_ceiling: float | None = None
+
+    @property
+    def area(self) -> float:
+        """m^2."""
+        x, y = (self.polygon - self.polygon[0]).T
+        return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+    @property
+    def perimeter(self) -> float:
+        """m."""
+        return float(np.linalg.norm(np.roll(self.polygon, -1, axis=0) - self.polygon, axis=1).sum())
 
 
 @dataclass(frozen=True)
 class Opening:
     """A door (leaf), passage (no leaf) or window (glass) in wall `wall`; heights above the floor in m.
 
-    `open`: a door whose leaf stands open. One looks through it, as through a passage (`is_hole`).
+    `open`: a door whose leaf stands open. One looks through it, as through a passage (`is_hole`). sigma_top: one
+    standard deviation of `top`, None where no image shows it and `top` is assumed.
     """
 
     id: int
@@ -76,6 +92,7 @@ class Opening:
     bottom: float
     top: float
     open: bool = False
+    sigma_top: float | None = None
 
     @property
     def is_hole(self) -> bool:

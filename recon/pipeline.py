@@ -34,7 +34,7 @@ from recon.graph.observation import WallObservations
 from recon.graph.solve import solve_graph
 from recon.graph.tape import Tape
 from recon.layout.build import build_layout
-from recon.layout.heights import measure_ceiling
+from recon.layout.heights import measure_heights
 from recon.layout_json import layout_from_json, layout_to_json
 from recon.lidar.matching import ScanMatching, match_scans
 from recon.lidar.noise import with_noise
@@ -114,8 +114,7 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, tape:
     with run.stage("layout"):
         layout = build_layout(estimate, sequence.scans, config.layout)
         if sequence.camera is not None and calibration is not None:
-            height, sigma = measure_ceiling(layout, lines, poses, sequence.camera)
-            layout = replace(layout, ceiling_height=height, sigma_ceiling=sigma)
+            layout = measure_heights(layout, lines, poses, sequence.camera)
         layout = layout_from_json(layout_to_json(layout), "layout.json")  # its decimals: exports made later are equal
     model = _model(sequence, layout, poses, config, run)
     return Build(

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from recon.faces import extrude
 from recon.geometry import Array, Pose3, rotation2
-from recon.layout.heights import measure_ceiling
-from recon.model import Layout, Room, Wall
+from recon.layout.heights import measure_heights
+from recon.model import Layout, Opening, Room, Wall
 from recon.sequence.camera import Camera
 from recon.vision.frame import HORIZONTAL_1, OUTLIER, VERTICAL, FrameLines
 
@@ -83,28 +85,66 @@ def test_ceiling_is_found_among_doors_and_boards(height: float) -> None:
         at_height(height) + corner_uprights(height) + door(0, 3, 4, 2.05) + door(2, 2, 3, 2.05) + door(1, 1, 2, 2.05)
     )
     edges += [(np.array([[*CORNERS[0] + [5.0, 0], 1.8], [*CORNERS[0] + [7.0, 0], 1.8]]), HORIZONTAL_1)]
-    found, sigma = measure_ceiling(room_layout(), frames_of(edges, drive()), drive(), CAMERA)
+    layout = measure_heights(room_layout(), frames_of(edges, drive()), drive(), CAMERA)
+    found, sigma = layout.ceiling_height, layout.sigma_ceiling
     assert found is not None and sigma is not None
     assert abs(found - height) < 0.03 and 0.001 < sigma < 0.06
 
 
 def test_doors_alone_tell_no_ceiling() -> None:
     edges = corner_uprights(2.7) + door(0, 3, 4, 2.2) + door(0, 5, 6, 2.2) + door(2, 2, 3, 2.2) + door(1, 1, 2, 2.2)
-    assert measure_ceiling(room_layout(), frames_of(edges, drive()), drive(), CAMERA) == (None, None)
+    assert measure_heights(room_layout(), frames_of(edges, drive()), drive(), CAMERA).ceiling_height is None
 
 
 def test_lines_of_the_ceiling_itself_tell_no_height() -> None:
     """Rows of lamps: level, straight, and at no height on any wall."""
     lamps = [(np.array([[1.0, y, 2.7], [8.5, y, 2.7]]), OUTLIER) for y in (1.0, 1.6, 2.2)]
-    found, _ = measure_ceiling(room_layout(), frames_of(lamps, drive()), drive(), CAMERA)
-    assert found is None
+    assert measure_heights(room_layout(), frames_of(lamps, drive()), drive(), CAMERA).ceiling_height is None
+
+
+def opening(id_: int, wall: int, start: float, end: float) -> Opening:
+    a, b = CORNERS[wall], CORNERS[(wall + 1) % 4]
+    d = (b - a) / np.linalg.norm(b - a)
+    return Opening(id_, "door", wall, a + start * d, a + end * d, 0.0, 2.0)
+
+
+def test_heads_of_doors_are_measured() -> None:
+    """Casings 6 cm above the heads stand 3 cm before the wall, and wander; the third door is never seen."""
+    tops = (2.05, 2.21)
+    edges = at_height(2.75) + corner_uprights(2.75) + door(0, 6, 7, tops[0]) + door(1, 1, 2, tops[1])
+    edges.append((np.array([[5.94, 0.03, tops[0] + 0.06], [7.06, 0.03, tops[0] + 0.06]]), HORIZONTAL_1))
+    openings = (opening(0, 0, 6, 7), opening(1, 1, 1, 2), opening(2, 3, 1, 2))
+    seen = replace(room_layout(), openings=openings)
+    found = measure_heights(seen, frames_of(edges, drive()), drive(), CAMERA).openings
+    for one, top in zip(found[:2], tops, strict=True):
+        assert one.top == pytest.approx(top, abs=0.015)
+        assert one.sigma_top is not None and 0.002 < one.sigma_top < 0.05
+    assert found[2].sigma_top is None and found[2].top == pytest.approx(sum(tops) / 2, abs=0.02)
+
+
+def test_rooms_have_ceilings_of_their_own() -> None:
+    """Two halls, one after the other, the second 0.5 m lower; the path leads through both."""
+    shift, move = np.array([12.0, 0.0]), np.array([12.0, 0.0, 0.0])
+    one = room_layout()
+    walls = tuple(replace(w, id=w.id + 4, start=w.start + shift, end=w.end + shift) for w in one.walls)
+    both = Layout(one.walls + walls, (*one.rooms, Room(1, "room 2", CORNERS + shift)))
+    first, second = drive(), [Pose3(p.rotation, p.translation + move) for p in drive()]
+    edges = at_height(2.5) + corner_uprights(2.5)
+    moved = [(points + move, label) for points, label in edges]
+    frames = frames_of(at_height(3.0) + corner_uprights(3.0), first) + frames_of(moved, second)
+    found = measure_heights(both, frames, first + second, CAMERA)
+    assert [room.ceiling_height for room in found.rooms] == [pytest.approx(3.0, abs=0.03), pytest.approx(2.5, abs=0.03)]
+    assert all(room.sigma_ceiling is not None and 0.001 < room.sigma_ceiling < 0.06 for room in found.rooms)
+    heights = {face.ref: np.ptp(face.vertices[:, 2]) for face in extrude(found) if face.kind == "wall"}
+    assert [heights[k] for k in range(8)] == [found.rooms[0].ceiling_height] * 4 + [found.rooms[1].ceiling_height] * 4
 
 
 def test_no_images_no_height() -> None:
     poses = drive()
-    assert measure_ceiling(room_layout(), [None] * len(poses), poses, CAMERA) == (None, None)
-    assert measure_ceiling(room_layout(), frames_of(at_height(2.6), poses), [None] * len(poses), CAMERA) == (None, None)
-    assert measure_ceiling(Layout((), ()), frames_of(at_height(2.6), poses), poses, CAMERA) == (None, None)
+    layout, frames = room_layout(), frames_of(at_height(2.6), poses)
+    assert measure_heights(layout, [None] * len(poses), poses, CAMERA) is layout
+    assert measure_heights(layout, frames, [None] * len(poses), CAMERA) is layout
+    assert measure_heights(Layout((), ()), frames, poses, CAMERA).ceiling_height is None
 
 
 def test_corridor_shows_its_ceiling(shared_data: Callable[[str], Path]) -> None:
@@ -128,5 +168,6 @@ def test_corridor_shows_its_ceiling(shared_data: Callable[[str], Path]) -> None:
         assert image is not None
         frames.append(detect_lines(image, camera, VisionConfig(), 0))
         poses.append(Pose3.from_planar(trajectory.at(sequence.images.timestamps[index])[0]) @ mount)
-    found, sigma = measure_ceiling(truth, frames, poses, camera)
-    assert found == pytest.approx(2.6, abs=0.03) and sigma is not None and 0.01 < sigma < 0.06
+    layout = measure_heights(truth, frames, poses, camera)
+    sigma = layout.sigma_ceiling
+    assert layout.ceiling_height == pytest.approx(2.6, abs=0.03) and sigma is not None and 0.01 < sigma < 0.06

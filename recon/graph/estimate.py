@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array
+from recon.graph.joint import WallCovariance
 from recon.model import Source
 from recon.sequence.trajectory import Trajectory
 
@@ -66,6 +67,7 @@ class MapEstimate:
     tape: (T,) m, solved distances between the walls that were measured by hand.
     survey: how map and surveyed control points fit, None without any.
     closures: (L, 2) scans that are one place visited again, as far as loop closure found and kept them.
+    joint: covariances between the walls, None where only their own are known.
     """
 
     trajectory: Trajectory
@@ -76,3 +78,4 @@ class MapEstimate:
     tape: Array = field(default_factory=lambda: np.zeros(0))
     survey: Survey | None = None
     closures: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    joint: WallCovariance | None = None

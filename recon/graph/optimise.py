@@ -28,6 +28,11 @@ class Solution:
     covariance: JointCovariance
     graph: Graph
 
+    def between_walls(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> Array:
+        """(P, 2, 2) covariance of the (offset, angle) of walls `first` with those of walls `second`, both (P,)."""
+        rest = self.covariance.rest()
+        return rest.reshape(len(rest) // 3, 3, len(rest) // 3, 3)[first, 1:, second, 1:]
+
 
 def optimise(problem: Problem, final: bool) -> Solution:
     """Levenberg-Marquardt from the problem's start; the `final` time with Huber's loss, before with Cauchy's."""

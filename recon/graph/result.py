@@ -9,6 +9,7 @@ from recon.geometry import Array, wrap_angle
 from recon.graph.association import GATE
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.graph.intervals import supported
+from recon.graph.joint import WallCovariance
 from recon.graph.line import Difference, Lines, carry
 from recon.graph.observation import WallObservations
 from recon.graph.optimise import Solution, motion_residuals, wall_residuals
@@ -43,7 +44,7 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
     scans, images = sightings(labels, problem.observations, len(solution.walls), len(poses))
     rest = solution.covariance.rest()
     need = min(LEAST_SIGHTINGS, len(poses))
-    walls = []
+    walls, numbers, middles = [], [], []
     for number in np.flatnonzero((scans >= need) | (images >= LEAST_SIGHTINGS)):
         rows = np.flatnonzero(labels == number)
         intervals = _intervals(problem.observations, rows, poses, solution.walls[number])
@@ -55,14 +56,19 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
                     solution.walls[number], rest[3 * number + 1 :, 3 * number + 1 :][:2, :2], intervals, source, seen
                 )
             )
+            numbers.append(number)
+            middles.append((intervals[0, 0] + intervals[-1, 1]) / 2)
     scale = None if problem.odometry is None else problem.odometry.scale
+    kept = unshadowed(walls)
+    chosen = np.isin([id(wall) for wall in walls], [id(wall) for wall in kept])
     return MapEstimate(
         Trajectory(np.asarray(timestamps, dtype=np.float64), poses),
         pose_sigmas(solution),
-        unshadowed(walls),
+        kept,
         scale,
         residuals(problem, solution),
         tape_distances(problem, solution),
+        joint=WallCovariance(solution, np.array(numbers, np.int64)[chosen], np.array(middles)[chosen]),
     )
 
 

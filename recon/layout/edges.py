@@ -171,19 +171,20 @@ def _sigma(rays: Array, normal: Array, reach: Array, offset_sigma: Array, camera
     return np.asarray(np.sqrt(pixel**2 + (reach * TILT) ** 2 + (slope * offset_sigma / sine) ** 2))
 
 
-def uprights(walls: Sequence[Wall], views: Sequence[View], camera: Camera) -> Array:
-    """(N, 2) m: lower and upper height of the vertical image lines on walls."""
+def uprights(walls: Sequence[Wall], views: Sequence[View], camera: Camera) -> tuple[Array, NDArray[np.int64]]:
+    """(N, 2) m: lower and upper height of the vertical image lines on walls, and (N,) the walls."""
     planes = _Planes.of(walls)
-    out = [np.zeros((0, 2))]
+    heights, owner = [np.zeros((0, 2))], [np.zeros(0, np.int64)]
     for lines, pose in views:
         (rays, t, _), wall = _on_walls(planes, lines, lines.labels == VERTICAL, pose, camera)
         if len(wall):
-            out.append(np.sort(pose.translation[2] + t * rays[..., 2], axis=1))
-    return np.concatenate(out)
+            heights.append(np.sort(pose.translation[2] + t * rays[..., 2], axis=1))
+            owner.append(wall)
+    return np.concatenate(heights), np.concatenate(owner)
 
 
 def shown_lengths(walls: Sequence[Wall], views: Sequence[View], camera: Camera, height: float) -> Array:
-    """(F,) m of seen walls' tops that each view would show, were the walls `height` m high."""
+    """(W,) m of each seen wall's top that the views show, added up, were the walls `height` m high."""
     planes = _Planes.of(walls)
     rectified = camera.rectified()
     feet = [wall.start + np.arange(SAMPLE / 2, wall.length, SAMPLE)[:, None] * wall.direction for wall in walls]
@@ -191,8 +192,8 @@ def shown_lengths(walls: Sequence[Wall], views: Sequence[View], camera: Camera, 
     known = planes.known[owner]
     points, owner = np.concatenate(feet)[known], owner[known]
     tops = np.concatenate([points, np.full((len(points), 1), height)], axis=1)
-    out = np.zeros(len(views))
-    for k, (_, pose) in enumerate(views):
+    out = np.zeros(len(walls))
+    for _, pose in views:
         rays = points - pose.translation[:2]
         near = np.flatnonzero(np.linalg.norm(rays, axis=1) < MAX_RANGE)
         pixels = rectified.project(pose.inverse().apply(tops[near]))
@@ -201,5 +202,6 @@ def shown_lengths(walls: Sequence[Wall], views: Sequence[View], camera: Camera, 
         if len(near):
             around, number = planes.near(pose.translation[:2])
             first, distance = around.first(pose.translation[:2], rays[near])
-            out[k] = SAMPLE * np.sum((number[first] == owner[near]) | (distance > 0.98))
+            shown = (number[first] == owner[near]) | (distance > 0.98)
+            out += SAMPLE * np.bincount(owner[near[shown]], minlength=len(walls))
     return out

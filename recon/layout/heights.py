@@ -1,14 +1,18 @@
-"""Ceiling height from the edges between walls and ceiling that images show."""
+"""Ceiling heights from the edges between walls and ceiling that images show, heads of openings from theirs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.geometry import Array, Pose3
-from recon.layout.edges import Edges, find_edges, shown_lengths, uprights
-from recon.model import Layout
+from recon.layout.edges import Edges, View, find_edges, shown_lengths, uprights
+from recon.layout.facing import facing_rooms
+from recon.layout.heads import measured_heads
+from recon.model import Layout, Room, Wall
 from recon.sequence.camera import Camera
 from recon.vision.frame import FrameLines
 
@@ -32,44 +36,92 @@ MAX_CROSSED = 0.25
 RIVAL = 0.7
 """Another height with this share of the best one's score leaves the question open."""
 MAX_FRAMES = 400
+GRID = 0.02
+"""m; wall tops in view are counted for heights this far apart."""
 SYSTEMATIC = 0.004
 """rad, what all images share: the error of the camera's tilt."""
 
 
-def measure_ceiling(
+def measure_heights(
     layout: Layout, frames: Sequence[FrameLines | None], map_from_camera: Sequence[Pose3 | None], camera: Camera
-) -> tuple[float | None, float | None]:
-    """Height of the ceiling above the floor and its standard deviation, m; (None, None) when images do not tell.
+) -> Layout:
+    """The layout with the ceilings and the heads of openings that images show, each with its standard deviation.
 
-    Image lines that are level on a wall's plane vote for their height. The ceiling is the height that several frames
-    and walls agree on, at which most of the wall tops in view show an edge, and through which no upright line goes:
-    heads of doors and boards cover little and uprights pass them, lines on the ceiling itself scatter. There is no
-    answer where a second height does nearly as well. frames and map_from_camera (None: not known) have the same
-    length; camera: of the frames, its K counts.
+    frames and map_from_camera (None: not known) have the same length; camera: of the frames, its K counts. What no
+    image tells stays as it is. A room has a ceiling of its own where its walls show one; what most of these, by area,
+    agree on is the building's if its walls together do not tell.
     """
     seen = [(f, p) for f, p in zip(frames, map_from_camera, strict=True) if f is not None and p is not None and len(f)]
     views = seen[:: max(1, int(np.ceil(len(seen) / MAX_FRAMES)))]
-    walls = layout.walls
-    if not views or not walls:
+    if not views or not layout.walls:
+        return layout
+    evidence = _Evidence(layout.walls, views, camera)
+    height, sigma = evidence.ceiling(np.ones(len(layout.walls), np.bool_))
+    owner = facing_rooms(layout)
+    rooms = []
+    for k, room in enumerate(layout.rooms):
+        own, own_sigma = evidence.ceiling(owner == k, height)
+        rooms.append(room if own is None else replace(room, ceiling_height=own, sigma_ceiling=own_sigma))
+    if height is None:
+        height, sigma = _common(rooms)
+    openings = measured_heads(layout.openings, layout.walls, evidence.level)
+    return replace(layout, rooms=tuple(rooms), openings=openings, ceiling_height=height, sigma_ceiling=sigma)
+
+
+def _common(rooms: list[Room]) -> tuple[float | None, float | None]:
+    """The height that the largest area of rooms has, and its standard deviation."""
+    known = [(room.ceiling_height, room.sigma_ceiling, room.area) for room in rooms if room.ceiling_height is not None]
+    if not known:
         return None, None
-    edges = find_edges(walls, views, camera)
-    edges = edges.where((edges.height >= LOWEST) & (edges.height <= HIGHEST) & (edges.sigma <= MAX_SIGMA))
-    tops = uprights(walls, views, camera)
-    scored = []
-    for height in _peaks(edges):
-        near = edges.where(np.abs(edges.height - height) <= NEAR)
-        if not _is_supported(near, height, tops):
-            continue
-        covered = near.covered()
-        coverage = covered / max(float(shown_lengths(walls, views, camera, height).sum()), covered)
-        if coverage >= MIN_COVERAGE:
-            scored.append((covered * coverage, height))
-    if not scored:
-        return None, None
-    best, height = max(scored)
-    if any(score > RIVAL * best and abs(other - height) > 2 * NEAR for score, other in scored):
-        return None, None
-    return _estimate(edges, height)
+    share = [sum(area for other, _, area in known if abs(other - height) <= NEAR) for height, _, _ in known]
+    return known[int(np.argmax(share))][:2]
+
+
+class _Evidence:
+    """Edges and upright lines that views show on walls."""
+
+    def __init__(self, walls: Sequence[Wall], views: Sequence[View], camera: Camera) -> None:
+        self._walls, self._views, self._camera = walls, views, camera
+        self.level = find_edges(walls, views, camera)
+        sure = (self.level.height >= LOWEST) & (self.level.height <= HIGHEST) & (self.level.sigma <= MAX_SIGMA)
+        self._edges = self.level.where(sure)
+        self._uprights, self._upright_wall = uprights(walls, views, camera)
+        self._shown: dict[float, Array] = {}
+
+    def ceiling(self, mask: NDArray[np.bool_], expected: float | None = None) -> tuple[float | None, float | None]:
+        """Height of the ceiling over the walls of a mask (W,) and its standard deviation, m; None when it is not seen.
+
+        Level lines vote for their height. The ceiling is the height that several frames and walls agree on, at which
+        most of the wall tops in view show an edge, and through which no upright line goes: heads of doors and boards
+        cover little and uprights pass them, lines on the ceiling itself scatter. There is no answer where a second
+        height does nearly as well, but if one of them is `expected` that one is the answer.
+        """
+        edges, upright = self._edges.where(mask[self._edges.wall]), self._uprights[mask[self._upright_wall]]
+        scored = []
+        for height in _peaks(edges):
+            near = edges.where(np.abs(edges.height - height) <= NEAR)
+            if not _is_supported(near, height, upright):
+                continue
+            covered = near.covered()
+            coverage = covered / max(float(self._shown_at(height)[mask].sum()), covered)
+            if coverage >= MIN_COVERAGE:
+                scored.append((covered * coverage, height))
+        if not scored:
+            return None, None
+        best, height = max(scored)
+        rivals = [(score, other) for score, other in scored if abs(other - height) > 2 * NEAR]
+        if expected is not None and any(abs(other - expected) <= NEAR for _, other in scored):
+            height = min((other for _, other in scored), key=lambda other: abs(other - expected))
+        elif any(score > RIVAL * best for score, _ in rivals):
+            return None, None
+        return _estimate(edges, height)
+
+    def _shown_at(self, height: float) -> Array:
+        """(W,) m of wall tops in view, to the nearest `GRID` of height."""
+        key = round(height / GRID) * GRID
+        if key not in self._shown:
+            self._shown[key] = shown_lengths(self._walls, self._views, self._camera, key)
+        return self._shown[key]
 
 
 def _is_supported(edges: Edges, height: float, uprights_: Array) -> bool:

@@ -66,13 +66,15 @@ def _head(opening: Opening, wall: Wall, edges: Edges) -> tuple[float, float] | N
     votes = np.array([_votes(edges, height, low, high) for height in edges.height])
     if not len(votes) or votes.max() == 0:
         return None
-    height = float(edges.height[votes >= RIVAL * votes.max()].min())
+    rivals = edges.height[votes >= RIVAL * votes.max()]
+    height = float(rivals.min())
     near = edges.where(np.abs(edges.height - height) <= NEAR)
     weight = near.length / np.maximum(near.sigma, WIDTH) ** 2
     mean = float(np.average(near.height, weights=weight))
     spread = float(np.sqrt(np.average((near.height - mean) ** 2, weights=weight)))
     shared = SYSTEMATIC * float(np.average(near.range, weights=weight))
-    return mean, float(np.hypot(max(spread, 0.005) / np.sqrt(len(np.unique(near.frame))), shared))
+    own = max(spread, 0.005) / np.sqrt(len(np.unique(near.frame)))
+    return mean, float(np.linalg.norm([own, shared, np.ptp(rivals) / np.sqrt(12)]))  # a uniform choice among rivals
 
 
 def _votes(edges: Edges, height: float, low: float, high: float) -> float:

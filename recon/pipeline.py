@@ -262,7 +262,7 @@ def _estimate(
             pairs = np.stack([closed.closures.first, closed.closures.second], axis=1)
             estimate = replace(estimate, closures=pairs)
     run.counts["wall lines"] = len(estimate.walls)
-    return estimate
+    return replace(estimate, odometry_clock=matching.clock)
 
 
 def _wall_observations(segments: list[Segments]) -> WallObservations:

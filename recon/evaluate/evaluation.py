@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ from recon.errors import InputError
 from recon.evaluate.extrinsics import ExtrinsicsErrors, extrinsics_errors
 from recon.evaluate.labels import LabelScores, label_scores
 from recon.evaluate.layout import LayoutScores, layout_scores
-from recon.evaluate.relations import RelationErrors, relation_errors
+from recon.evaluate.relations import RelationErrors, given_odometry, relation_errors
 from recon.evaluate.trajectory import TrajectoryErrors, trajectory_errors
 from recon.evaluate.walls import WallScores, wall_scores
 from recon.results.reader import load_layout
@@ -68,6 +68,9 @@ class Evaluation:
             )
             for name, unit, s in (("translation", "m", r.translation), ("rotation", "deg", r.rotation))
         ]
+        if r.clock is not None:
+            moved = f"{r.clock.lag:+.3f} +- {r.clock.sigma:.3f} s behind the scans, which is taken off"
+            rows.append(("odometry's clock", moved))
         return [*rows, ("relations used", f"{r.used}, {r.left_out} left out")]
 
     def _extrinsics_rows(self) -> list[tuple[str, str]]:
@@ -133,8 +136,9 @@ def _motion_errors(
     errors = None if truth.trajectory is None else trajectory_errors(estimate, truth.trajectory)
     if truth.relations is None:
         return errors, None
-    odometry = sequence / "odometry.txt"
-    return errors, relation_errors(estimate, truth.relations, read_planar(odometry) if odometry.is_file() else None)
+    odometry, clock = given_odometry(sequence, estimate)
+    used = clock if clock is not None and clock.believed else None
+    return errors, replace(relation_errors(estimate, truth.relations, odometry), clock=used)
 
 
 def _label_pairs(truth: GroundTruth, result: Path) -> list[tuple[Path, Path]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from recon.drawing import Drawing, Truth, save_drawing
 from recon.errors import InputError
-from recon.evaluate.relations import poses_at, relation_residuals
+from recon.evaluate.relations import given_odometry, poses_at, relation_residuals
 from recon.evaluate.trajectory import associate
 from recon.geometry import Array, align2, compose2, wrap_angle
 from recon.results.accuracy import read_closures, read_sigmas
@@ -31,7 +31,7 @@ def plot_result(sequence: Path, result: Path, path: Path) -> None:
     sigmas = read_sigmas(result)
     if len(sigmas) not in (0, len(trajectory)):
         raise InputError(f"{result / 'pose_sigmas.txt'}: {len(sigmas)} poses, expected {len(trajectory)}")
-    odometry = read_planar(sequence / "odometry.txt") if (sequence / "odometry.txt").is_file() else None
+    odometry, _ = given_odometry(sequence, trajectory)
     drawing = Drawing(
         trajectory,
         sigmas[:, 1:],

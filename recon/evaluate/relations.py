@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import InputError
 from recon.geometry import Array, between2, compose2, wrap_angle
+from recon.lidar.clock import OdometryClock, odometry_clock
 from recon.sequence.groundtruth import Relations
 from recon.sequence.trajectory import Trajectory
+from recon.sequence.tum import read_planar
 
 AT_END = 1e-3
 """s: stamps this little outside the trajectory are still read."""
@@ -36,13 +39,14 @@ class Spread:
 class RelationErrors:
     """translation (m, squares m^2) and rotation (deg, squares deg^2) over the relations `used`.
 
-    `left_out`: relations with a stamp outside the trajectory.
+    `left_out`: relations with a stamp outside the trajectory. clock: of the odometry along which they were read.
     """
 
     translation: Spread
     rotation: Spread
     used: int
     left_out: int
+    clock: OdometryClock | None = None
 
 
 def relation_errors(trajectory: Trajectory, relations: Relations, odometry: Trajectory | None = None) -> RelationErrors:
@@ -73,6 +77,20 @@ def relation_residuals(
     estimate = between2(poses_at(trajectory, first, odometry), poses_at(trajectory, second, odometry))
     error = between2(relations.first_from_second, estimate)
     return np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2])), inside
+
+
+def given_odometry(sequence: Path, trajectory: Trajectory) -> tuple[Trajectory | None, OdometryClock | None]:
+    """The odometry of a sequence folder on the clock of its scans, as far as `trajectory` shows that; None without any.
+
+    Nothing of the truth goes into it, which says how its clock lies to the odometry's. Raises InputError for a damaged
+    file.
+    """
+    path = sequence / "odometry.txt"
+    if not path.is_file():
+        return None, None
+    odometry = read_planar(path)
+    clock = odometry_clock(trajectory, odometry)
+    return clock.on_scan_clock(odometry), clock
 
 
 def poses_at(trajectory: Trajectory, times: Array, odometry: Trajectory | None = None) -> Array:

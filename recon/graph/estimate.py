@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.graph.joint import WallCovariance
+from recon.lidar.clock import OdometryClock
 from recon.model import Source
 from recon.sequence.trajectory import Trajectory
 
@@ -66,6 +67,7 @@ class MapEstimate:
     residuals: root mean square of normalised residuals by kind of factor (1 = as expected).
     tape: (T,) m, solved distances between the walls that were measured by hand.
     survey: how map and surveyed control points fit, None without any.
+    odometry_clock: the lag of the given odometry behind the scans, None without odometry.
     closures: (L, 2) scans that are one place visited again, as far as loop closure found and kept them.
     joint: covariances between the walls, None where only their own are known.
     """
@@ -77,5 +79,6 @@ class MapEstimate:
     residuals: dict[str, float] = field(default_factory=dict)
     tape: Array = field(default_factory=lambda: np.zeros(0))
     survey: Survey | None = None
+    odometry_clock: OdometryClock | None = None
     closures: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joint: WallCovariance | None = None

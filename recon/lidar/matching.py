@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from recon.config import LidarConfig
 from recon.geometry import Array, between2, compose2, rotation2, wrap_angle
-from recon.lidar.clock import odometry_lag
+from recon.lidar.clock import OdometryClock, odometry_clock
 from recon.lidar.cloud import Cloud, make_cloud
 from recon.lidar.correlative import PRIOR_WEIGHT, search
 from recon.lidar.icp import Alignment, align
@@ -35,7 +35,7 @@ MIN_MATCHED = 8
 LAG_SCANS = 300
 """Scans from which the lag of the odometry is found."""
 LAG_STEP = 0.5
-"""s: scans farther apart do not show a lag."""
+"""s: scans farther apart are not matched without odometry to find its lag."""
 STEADY_TURN = np.radians(3.0)
 """rad since the last scan up to which a scan makes a good keyframe: while turning fast, scans are distorted."""
 LOST = 3
@@ -74,6 +74,7 @@ class ScanMatching:
     velocities: (N, 3) m/s, m/s, rad/s of the platform in its own frame after each scan's timestamp, with which
         `extract_segments` takes out motion distortion.
     odometry: the given odometry on the scanner's clock (its lag taken off the timestamps), None without odometry.
+    clock: that lag.
     """
 
     trajectory: Trajectory
@@ -82,16 +83,19 @@ class ScanMatching:
     failed: NDArray[np.bool_]
     velocities: Array
     odometry: Trajectory | None = None
+    clock: OdometryClock | None = None
 
 
 def match_scans(scans: Scans, odometry: Trajectory | None, config: LidarConfig) -> ScanMatching:
     """Poses of all scans, each aligned with the map of the keyframes before it.
 
     Odometry, where it covers the scans, is the prediction and is fused with a weight that is learnt along the way;
-    its lag is found first. Scans with a `time_increment` are matched again without their motion distortion.
+    its lag is found first, from some scans, and at last from all. Scans with a `time_increment` are matched again
+    without their motion distortion.
     """
     config = with_noise(scans, config)
-    if odometry is not None and len(scans) > 2 and np.median(np.diff(scans.timestamps)) < LAG_STEP:
+    given = odometry
+    if odometry is not None and len(scans) > 2:
         odometry = _on_scan_clock(scans, odometry, config)
     velocities = None
     if scans.time_increment > 0:
@@ -99,17 +103,21 @@ def match_scans(scans: Scans, odometry: Trajectory | None, config: LidarConfig) 
         velocities = np.zeros((len(scans), 3)) if odometry is None else scan_velocities(scans, odometry)
         for _ in range(2 if odometry is None else 1):
             velocities = scan_velocities(scans, _Matcher(scans, odometry, config, velocities).run().trajectory)
-    return _Matcher(scans, odometry, config, velocities).run()
+    found = _Matcher(scans, odometry, config, velocities).run()
+    if given is None:
+        return found
+    clock = odometry_clock(found.trajectory, given)
+    return replace(found, odometry=clock.on_scan_clock(given), clock=clock)
 
 
 def _on_scan_clock(scans: Scans, odometry: Trajectory, config: LidarConfig) -> Trajectory:
-    """The odometry without its lag, which the first scans show when they are matched without it."""
+    """The odometry without its lag, which the first scans show; matched without it, if they are near one another."""
     first = replace(scans, timestamps=scans.timestamps[:LAG_SCANS], ranges=scans.ranges[:LAG_SCANS], intensities=None)
     # not yet free of distortion, these scans tell where the platform was halfway through each
     half = 0.5 * scans.time_increment * scans.ranges.shape[1]
-    matched = _Matcher(first, None, config, None).run().trajectory
-    lag = odometry_lag(Trajectory(matched.timestamps + half, matched.poses), odometry)
-    return Trajectory(odometry.timestamps - lag, odometry.poses)
+    near = np.median(np.diff(scans.timestamps)) < LAG_STEP
+    matched = _Matcher(first, None if near else odometry, config, None).run().trajectory
+    return odometry_clock(Trajectory(matched.timestamps + half, matched.poses), odometry).on_scan_clock(odometry)
 
 
 class _Matcher:

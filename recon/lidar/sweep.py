@@ -12,6 +12,7 @@ from recon.geometry import apply2
 from recon.lidar.matching import ScanMatching, match_scans
 from recon.lidar.points import scan_points
 from recon.sequence.sequence import Scans
+from recon.sequence.trajectory import Trajectory
 
 Order = Literal["as given", "backwards", "at once"]
 
@@ -21,6 +22,18 @@ CELL = 0.05
 """m, side of the cells that points are counted in."""
 MIN_GAIN = 0.1
 """Part of the cells that must become empty for another order to be believed."""
+
+
+def match_in_order(
+    scans: Scans, odometry: Trajectory | None, config: LidarConfig, warnings: list[str]
+) -> tuple[Scans, ScanMatching]:
+    """`match_scans`, and the scans with their beams in the order in which they were taken; says where that is new."""
+    matching = match_scans(scans, odometry, config)
+    if (order := sweep_order(scans, matching, config)) == "as given":
+        return scans, matching
+    warnings.append(f"the beams of a scan were taken {order}, whatever their order and time_increment say")
+    scans = reordered(scans, order)
+    return scans, match_scans(scans, odometry, config)
 
 
 def sweep_order(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Order:

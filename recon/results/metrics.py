@@ -26,6 +26,7 @@ def metrics(build: Build) -> dict[str, Any]:
         "counts": build.counts,
         "residuals": build.estimate.residuals,
         "odometry_scale": build.estimate.odometry_scale,
+        "odometry_clock": _clock(build),
         "calibration": _calibration(build),
         "tape": _tape(build),
         "faces": {f.name: {"seen_fraction": round(f.seen_fraction, 4)} for f in build.model.faces},
@@ -33,6 +34,14 @@ def metrics(build: Build) -> dict[str, Any]:
         "versions": {"recon": recon.__version__, "python": platform.python_version(), **_versions()},
         "fingerprint": fingerprint(build.sequence),
     }
+
+
+def _clock(build: Build) -> dict[str, float | None] | None:
+    """By how much the odometry runs behind the scans, s; `used` is 0 where that is not significant."""
+    if (clock := build.estimate.odometry_clock) is None:
+        return None
+    sigma = round(clock.sigma, 4) if np.isfinite(clock.sigma) else None
+    return {"lag": round(clock.lag, 4), "sigma": sigma, "used": round(clock.believed, 4)}
 
 
 def _calibration(build: Build) -> dict[str, Any] | None:

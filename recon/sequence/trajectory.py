@@ -23,6 +23,8 @@ class Trajectory:
     def at(self, times: ArrayLike) -> Array:
         """Poses (M, 3) at `times` (M,), linear between neighbours, held at the ends."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        if not len(t):
+            return np.zeros((0, 3))
         # only the part around `times`: a few poses of a long drive are asked for again and again
         low = max(int(np.searchsorted(self.timestamps, t.min(initial=np.inf))) - 1, 0)
         part = slice(min(low, len(self) - 1), int(np.searchsorted(self.timestamps, t.max(initial=-np.inf))) + 1)

@@ -9,7 +9,7 @@ import numpy as np
 
 from recon.errors import InputError
 from recon.geometry import Array
-from recon.model import DEFAULT_CEILING_HEIGHT, FloorObject, Layout, Opening, OpeningType, Room, Source, Wall
+from recon.model import DEFAULT_CEILING_HEIGHT, Dimension, FloorObject, Layout, Opening, OpeningType, Room, Source, Wall
 
 VERSION = 1
 _DECIMALS = 6  # micrometres: far below any accuracy here, and stable text
@@ -32,6 +32,7 @@ def layout_to_json(layout: Layout) -> dict[str, Any]:
         "rooms": [_room_to_json(r) for r in layout.rooms],
         "openings": [_opening_to_json(o) for o in layout.openings],
         "objects": [_object_to_json(o) for o in layout.objects],
+        "dimensions": [_dimension_to_json(d) for d in layout.dimensions],
     }
 
 
@@ -58,6 +59,7 @@ def layout_from_json(data: Any, where: str) -> Layout:
         ceiling_height=reader.optional(top, "ceiling_height", "layout"),
         sigma_ceiling=reader.optional(top, "sigma_ceiling", "layout"),
         default_ceiling_height=reader.number(top, "default_ceiling_height", "layout", DEFAULT_CEILING_HEIGHT),
+        dimensions=tuple(reader.dimension(d, f"dimensions[{i}]") for i, d in enumerate(reader.items(top, "dimensions"))),
     )
     _check_ids(layout, where)
     return layout
@@ -74,7 +76,11 @@ def _points(points: Array) -> list[list[float]]:
 def _wall_to_json(wall: Wall) -> dict[str, Any]:
     start, end = _points(np.stack([wall.start, wall.end]))
     sigmas = {"sigma_offset": _rounded(wall.sigma_offset), "sigma_angle": _rounded(wall.sigma_angle)}
-    known = {"source": wall.source, "observations": int(wall.observations)}
+    known: dict[str, Any] = {"source": wall.source, "observations": int(wall.observations)}
+    if wall.thickness is not None:
+        known["thickness"] = _rounded(wall.thickness)
+    if len(wall.unseen):
+        known["unseen"] = _points(wall.unseen)
     return {"id": int(wall.id), "start": start, "end": end, **sigmas, **known}
 
 
@@ -82,7 +88,24 @@ def _room_to_json(room: Room) -> dict[str, Any]:
     out: dict[str, Any] = {"id": int(room.id), "name": room.name, "polygon": _points(room.polygon)}
     if room.ceiling_height is not None:
         out |= {"ceiling_height": _rounded(room.ceiling_height), "sigma_ceiling": _rounded(room.sigma_ceiling)}
-    return out | {"area": _rounded(room.area), "perimeter": _rounded(room.perimeter)}
+    out |= {"area": _rounded(room.area), "perimeter": _rounded(room.perimeter)}
+    if room.corner_covariances is not None:
+        out["corner_covariances"] = _covariances_to_json(room.corner_covariances)
+    return out
+
+
+def _covariances_to_json(covariances: Array) -> list[list[float] | None]:
+    """xx, xy and yy of each (n, 2, 2), in m^2 to a square micrometre."""
+    return [
+        [round(float(c[i, j]), 2 * _DECIMALS) + 0.0 for i, j in ((0, 0), (0, 1), (1, 1))] if np.isfinite(c).all() else None
+        for c in covariances
+    ]
+
+
+def _dimension_to_json(dimension: Dimension) -> dict[str, Any]:
+    start, end = _points(np.stack([dimension.start, dimension.end]))
+    between = {"room": int(dimension.room), "walls": [int(w) for w in dimension.walls], "start": start, "end": end}
+    return between | {"distance": _rounded(dimension.distance), "sigma": _rounded(dimension.sigma)}
 
 
 def _opening_to_json(opening: Opening) -> dict[str, Any]:
@@ -173,7 +196,10 @@ class _Reader:
     def polygon(self, value: Any, place: str) -> Array:
         if not isinstance(value, list) or len(value) < 3:
             raise self.fail(place, value, "a list of at least three points")
-        return np.stack([self.point(p, f"{place}[{i}]") for i, p in enumerate(value)])
+        return self.points(value, place)
+
+    def points(self, values: list[Any], place: str) -> Array:
+        return np.array([self.point(p, f"{place}[{i}]") for i, p in enumerate(values)]).reshape(-1, 2)
 
     def wall(self, value: Any, place: str) -> Wall:
         data = self.mapping(value, place)
@@ -186,6 +212,8 @@ class _Reader:
             sigma_angle=self.sigma(data, "sigma_angle", place),
             source=source,
             observations=self.integer(data, "observations", place, 0),
+            thickness=self.optional(data, "thickness", place),
+            unseen=self.points(self.items(data, "unseen"), f"{place}.unseen"),
         )
 
     def room(self, value: Any, place: str) -> Room:
@@ -194,7 +222,38 @@ class _Reader:
         polygon = self.polygon(data.get("polygon"), f"{place}.polygon")
         height = self.optional(data, "ceiling_height", place)
         sigma = self.optional(data, "sigma_ceiling", place)
-        return Room(room_id, self.text(data, "name", place, f"room {room_id}"), polygon, height, sigma)
+        name = self.text(data, "name", place, f"room {room_id}")
+        corners = data.get("corner_covariances")
+        if corners is not None:
+            corners = self.covariances(corners, len(polygon), f"{place}.corner_covariances")
+        return Room(room_id, name, polygon, height, sigma, corners)
+
+    def covariances(self, value: Any, count: int, place: str) -> Array:
+        if not isinstance(value, list) or len(value) != count:
+            raise self.fail(place, value, f"{count} entries, one for each corner")
+        out = np.full((count, 2, 2), np.nan)
+        for i, entry in enumerate(value):
+            if entry is not None:
+                if not isinstance(entry, list) or len(entry) != 3:
+                    raise self.fail(f"{place}[{i}]", entry, "[xx, xy, yy] or null")
+                named = dict(zip(("xx", "xy", "yy"), entry, strict=True))
+                xx, xy, yy = (self.number(named, key, f"{place}[{i}]") for key in named)
+                out[i] = [[xx, xy], [xy, yy]]
+        return out
+
+    def dimension(self, value: Any, place: str) -> Dimension:
+        data = self.mapping(value, place)
+        walls = self.items(data, "walls")
+        if len(walls) != 2:
+            raise self.fail(f"{place}.walls", walls, "the ids of two walls")
+        named = {"first": walls[0], "second": walls[1]}
+        return Dimension(
+            room=self.integer(data, "room", place),
+            walls=(self.integer(named, "first", f"{place}.walls"), self.integer(named, "second", f"{place}.walls")),
+            start=self.point(data.get("start"), f"{place}.start"),
+            end=self.point(data.get("end"), f"{place}.end"),
+            sigma=self.sigma(data, "sigma", place),
+        )
 
     def opening(self, value: Any, place: str) -> Opening:
         data = self.mapping(value, place)

@@ -24,6 +24,8 @@ class Wall:
 
     start, end: (2,), m, map frame. sigma_offset (m) and sigma_angle (rad): one standard deviation of the wall line's
     offset at the middle of the wall and of its direction. `observations` counts the scans and images behind it.
+    thickness: m to the face on the other side, where that was seen too. unseen: (K, 2) m from `start`, stretches
+    between what was seen of the wall, hidden by what stands before it.
     """
 
     id: int
@@ -33,6 +35,8 @@ class Wall:
     sigma_angle: float
     source: Source
     observations: int
+    thickness: float | None = None
+    unseen: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def length(self) -> float:
@@ -56,6 +60,7 @@ class Room:
     """A closed, counter-clockwise, simple polygon (n, 2), m, map frame, first corner not repeated.
 
     ceiling_height, sigma_ceiling: m, where images show this room's ceiling, with its standard deviation.
+    corner_covariances: (n, 2, 2) m^2, of every corner's place, nan where nobody saw one of its walls.
     """
 
     id: int
@@ -63,6 +68,7 @@ class Room:
     polygon: Array
     ceiling_height: float | None = None
     sigma_ceiling: float | None = None
+    corner_covariances: Array | None = None
 
     @property
     def area(self) -> float:
@@ -116,6 +122,25 @@ class FloorObject:
 
 
 @dataclass(frozen=True)
+class Dimension:
+    """The distance between two facing walls (ids) of a room (id), from `start` on the first to `end` (2,), m.
+
+    sigma: m, one standard deviation of the distance, from the joint covariance of both walls.
+    """
+
+    room: int
+    walls: tuple[int, int]
+    start: Array
+    end: Array
+    sigma: float
+
+    @property
+    def distance(self) -> float:
+        """m."""
+        return float(np.linalg.norm(self.end - self.start))
+
+
+@dataclass(frozen=True)
 class Layout:
     """Walls, rooms, openings and objects in the map frame (layout.json of FORMAT.md).
 
@@ -129,6 +154,7 @@ class Layout:
     ceiling_height: float | None = None
     sigma_ceiling: float | None = None
     default_ceiling_height: float = DEFAULT_CEILING_HEIGHT
+    dimensions: tuple[Dimension, ...] = ()
 
     @property
     def extrusion_height(self) -> float:

@@ -12,6 +12,7 @@ from recon.graph.estimate import MapEstimate
 from recon.layout.blocks import without_blocks
 from recon.layout.cells import Cells, cut_plane
 from recon.layout.clutter import is_sure, with_returns, without_clutter
+from recon.layout.dimensions import with_dimensions
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
 from recon.layout.labelling import areas, label_cells, supports, trust
@@ -25,6 +26,8 @@ from recon.layout.returns import Returns
 from recon.layout.rooms import regions, room_names, simple_polygons
 from recon.layout.sight import within_sight
 from recon.layout.simplify import simplified
+from recon.layout.thickness import with_thickness, without_openings
+from recon.layout.uncertainty import with_sigmas
 from recon.layout.visited import visited_space
 from recon.model import Layout, Room, Wall
 from recon.sequence.sequence import Scans
@@ -40,28 +43,31 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     path = estimate.trajectory.poses[:, :2]
     starts, ends = scan_rays(estimate.trajectory, scans)
     space = free_space(estimate.trajectory, starts, ends)
-    lines = within_sight(with_returns(merged_lines(estimate.walls), space), path)
+    lines = with_sigmas(merged_lines(estimate.walls), estimate)
+    lines = within_sight(with_returns(lines, space), path)
     lines = without_leaves(lines, space)
     lines = without_clutter(absorb_steps(without_blocks(lines, space)), space)
     visited = visited_space(space, [line for line in lines if is_sure(line)], path)
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
-    walls, rooms = _walls_and_rooms(cells, lines, space, visited, path)
+    walls, owner, rooms = _walls_and_rooms(cells, lines, space, visited, path)
     openings = find_openings(walls, Returns(starts, ends), space, path)
+    walls = without_openings(with_thickness(walls), openings)
     objects = floor_objects(walls, [shapely.Polygon(room.polygon) for room in rooms], space)
-    return Layout(
+    layout = Layout(
         tuple(walls),
         tuple(rooms),
         tuple(openings),
         tuple(objects),
         default_ceiling_height=config.default_ceiling_height,
     )
+    return with_dimensions(layout, owner, lines, estimate)
 
 
 def _walls_and_rooms(
     cells: Cells, lines: list[PlanLine], space: FreeSpace, visited: NDArray[np.bool_], path: Array
-) -> tuple[list[Wall], list[Room]]:
-    """Cells labelled and joined to rooms, and the outlines of these as walls."""
+) -> tuple[list[Wall], list[int], list[Room]]:
+    """Cells labelled and joined to rooms, and the outlines of these as walls, with the line of each, -1 for none."""
     support, spans = supports(cells, lines), cells.spans(lines)
     evidence = support.copy()
     evidence[:, 1:3] *= trust(cells, lines, space, visited)
@@ -71,10 +77,12 @@ def _walls_and_rooms(
     in_room = np.isin(np.arange(len(cells.polygons)), [cell for region in found for cell in region.cells])
     outlines = [[simplified(ring, space) for ring in sides(cells, region, support[:, 0], in_room)] for region in found]
     walls: list[Wall] = []
+    owner: list[int] = []
     for region, outline in zip(found, outlines, strict=True):
         for side in [side for ring in outline for side in ring] + spurs(cells, region, parting, spans, lines):
             walls += walls_of(side, lines, space, len(walls))
-    return walls, _rooms(outlines)
+            owner += [side.line] * (len(walls) - len(owner))
+    return walls, owner, _rooms(outlines)
 
 
 def _bounds(space: FreeSpace, lines: list[PlanLine]) -> tuple[Array, Array]:

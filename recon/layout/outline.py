@@ -12,7 +12,7 @@ from recon.geometry import Array
 from recon.layout.cells import Cells
 from recon.layout.evidence import FreeSpace
 from recon.layout.frontier import SIGMA_ANGLE, SIGMA_OFFSET
-from recon.layout.line import PlanLine, clip, total, union
+from recon.layout.line import PlanLine, clip, subtract, total, union
 from recon.layout.rooms import PASSAGE, Region
 from recon.model import Wall
 
@@ -26,6 +26,8 @@ SHORTEST_SUPPORT = 0.2
 SHORTEST_SPUR = 1.3
 """m, a thin wall with the same room on both sides; shorter ones only join others."""
 JOINED = 0.1
+SHORTEST_UNSEEN = 0.3
+"""m of wall that nobody saw, worth telling."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,15 @@ def _wall(id_: int, side: Side, line: PlanLine, a: float, b: float, p: float, q:
     end = side.end if q == b else line.point(q)
     sigma = line.sigma_at((p + q) / 2)
     if known:
-        return Wall(id_, start, end, sigma, line.sigma_angle, line.source, line.observations)
+        unseen = _unseen(line, p, q)
+        return Wall(id_, start, end, sigma, line.sigma_angle, line.source, line.observations, unseen=unseen)
     if line.source == "inferred":
         return Wall(id_, start, end, line.sigma_offset, line.sigma_angle, "inferred", 0)
     return Wall(id_, start, end, max(sigma, SIGMA_OFFSET), max(line.sigma_angle, SIGMA_ANGLE), "inferred", 0)
+
+
+def _unseen(line: PlanLine, p: float, q: float) -> Array:
+    """(K, 2) m from p: the stretches from position p to q along a line that nobody saw, short ones left out."""
+    holes = subtract(np.array([[min(p, q), max(p, q)]]), union(line.support, SHORTEST_UNSEEN))
+    holes = np.sort(np.abs(holes - p), axis=1)
+    return np.asarray(holes[np.argsort(holes[:, 0])])[np.ptp(holes, axis=1) > SHORTEST_UNSEEN]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from recon.calibration.frames import segments_at
 from recon.calibration.result import Calibration
 from recon.geometry import Array, between2, compose2, rotation2, wrap_angle
+from recon.graph.patches import Guess, likely_way
 from recon.graph.slide import Slide, Step, estimate_slide, on_surfaces, project
 from recon.lidar.matching import ScanMatching
 from recon.lidar.segment import Segments
@@ -34,7 +35,7 @@ STRAY = 1.0
 """m/s: how far from the prediction a platform may be where nothing tells: it does not jump."""
 
 STRONGEST = 120
-"""Corners that are followed without a good guess; the first estimate says where to look for the others."""
+"""Corners whose patches say roughly how far it was."""
 
 Load = Callable[[int], NDArray[np.uint8] | None]
 
@@ -50,6 +51,11 @@ class Seen:
     way: float
     variance: float
     change: Array
+
+    @property
+    def speed(self) -> float:
+        """m/s along the direction."""
+        return self.way / (self.end - self.start)
 
 
 @dataclass(frozen=True)
@@ -122,34 +128,42 @@ def blind_steps(matching: ScanMatching) -> NDArray[np.bool_]:
 def _look(matching: ScanMatching, segments: Sequence[Segments], eye: Eye, blind: NDArray[np.bool_]) -> Iterator[Seen]:
     """What pairs of images say that were taken while the scans were blind."""
     stamps, poses = matching.trajectory.timestamps, matching.trajectory.at(eye.times)
-    walls = segments_at(eye.times, matching.trajectory, segments)
-    turned = _in_map(matching)
-    speed: float | None = None
-    last: tuple[int, NDArray[np.uint8] | None] = (-1, None)
-    ahead = np.array([1.0, 0.0])
+    walls, vague = segments_at(eye.times, matching.trajectory, segments), _in_map(matching)
+    images = _Pairs(eye.load)
+    known: Seen | None = None
     for i in range(len(eye.times) - 1):
         start, end = float(eye.times[i]), float(eye.times[i + 1])
         during = np.flatnonzero(blind & (stamps[1:] > start) & (stamps[:-1] < end))
         if not len(during) or end - start > LONGEST or len(walls[i]) == 0:
-            speed = None
             continue
-        first = last[1] if last[0] == i else eye.load(i)
-        second = eye.load(i + 1)
-        last = (i + 1, second)
-        axis = np.linalg.eigh(turned[during].sum(axis=0))[1][:, 1]
-        reference = ahead if speed is not None else poses[i + 1, :2] - poses[i, :2]
-        ahead = axis if axis @ reference >= 0 else -axis
+        first, second = images.pair(i)
         if first is None or second is None:
-            speed = None
             continue
-        step = _step(between2(poses[i], poses[i + 1]), rotation2(-float(poses[i, 2])) @ ahead)
-        starts = [(poses[i + 1, :2] - poses[i, :2]) @ ahead, 0.0]
-        slide = _slide(
-            first, second, step, starts if speed is None else [speed * (end - start), *starts], walls[i], eye
+        axis = np.linalg.eigh(vague[during].sum(axis=0))[1][:, 1]
+        yaw = float(poses[i, 2])
+        ahead = axis if axis @ [np.cos(yaw), np.sin(yaw)] >= 0 else -axis
+        step = _step(between2(poses[i], poses[i + 1]), rotation2(-yaw) @ ahead)
+        guess = (
+            None if known is None else Guess(known.speed * float(np.sign(known.direction @ ahead)), start - known.end)
         )
-        speed = None if slide is None else slide.way / (end - start)
+        slide = _slide(first, second, step, end - start, guess, walls[i], eye)
         if slide is not None:
-            yield Seen(start, end, ahead, slide.way, slide.sigma**2, slide.change)
+            known = Seen(start, end, ahead, slide.way, slide.sigma**2, slide.change)
+            yield known
+
+
+class _Pairs:
+    """Neighbouring images, each loaded once."""
+
+    def __init__(self, load: Load) -> None:
+        self._load, self._next = load, -1
+        self._image: NDArray[np.uint8] | None = None
+
+    def pair(self, index: int) -> tuple[NDArray[np.uint8] | None, NDArray[np.uint8] | None]:
+        """Images `index` and `index` + 1."""
+        first = self._image if index == self._next else self._load(index)
+        self._image, self._next = self._load(index + 1), index + 1
+        return first, self._image
 
 
 def _in_map(matching: ScanMatching) -> Array:
@@ -166,30 +180,29 @@ def _step(relative: Array, direction: Array) -> Step:
 
 
 def _slide(
-    first: NDArray[np.uint8], second: NDArray[np.uint8], step: Step, starts: list[float], walls: Array, eye: Eye
+    first: NDArray[np.uint8],
+    second: NDArray[np.uint8],
+    step: Step,
+    seconds: float,
+    guess: Guess | None,
+    walls: Array,
+    eye: Eye,
 ) -> Slide | None:
-    """The way between two images, from the first of the starts that leads somewhere."""
+    """The way between two images: from patches roughly, from corners followed exactly."""
     pose, camera = eye.calibration.platform_from_camera, eye.camera
     corners = find_corners(first)
     rays = np.concatenate([camera.undistort(corners), np.ones((len(corners), 1))], axis=1)
     points = on_surfaces(rays, pose, walls)
     known = np.isfinite(points[:, 0])
     corners, rays, points = corners[known], rays[known], points[known]
-    for start in starts:
-        found, way = None, float(start)
-        for most, near in ((STRONGEST, False), (len(corners), True)):
-            predicted = project(points[:most], step.relative(np.array([way, 0.0, 0.0])), pose, camera)
-            ahead = np.isfinite(predicted[:, 0])
-            guess = np.where(ahead[:, None], predicted, corners[:most])
-            seen, followed = follow(first, second, corners[:most], guess, near)
-            use = followed & ahead
-            found = estimate_slide(rays[:most][use], seen[use], step, way, pose, camera, walls)
-            if found is None:
-                break
-            way = found.way
-        if found is not None:
-            return found
-    return None
+    way = likely_way(first, second, corners[:STRONGEST], step, seconds, guess, pose, camera, walls)
+    if way is None:
+        return None
+    predicted = project(points, step.relative(np.array([way, 0.0, 0.0])), pose, camera)
+    ahead = np.isfinite(predicted[:, 0])
+    seen, followed = follow(first, second, corners, np.where(ahead[:, None], predicted, corners))
+    use = followed & ahead
+    return estimate_slide(rays[use], seen[use], step, way, pose, camera, walls)
 
 
 @dataclass(frozen=True)
@@ -218,7 +231,7 @@ class Speeds:
         if gap > GAP:
             return None
         some = [s for s in self.seen if abs((s.start + s.end) / 2 - middle) < 2 * GAP]
-        rates = [s.way / (s.end - s.start) * np.sign(s.direction @ nearest.direction) for s in some]
+        rates = [s.speed * np.sign(s.direction @ nearest.direction) for s in some]
         way = float(np.interp(middle, [(s.start + s.end) / 2 for s in some], rates)) * span
         variance = nearest.variance * span / (nearest.end - nearest.start) + (ACCELERATION * gap * span) ** 2
         return Way(way, variance + self.systematic * abs(way), nearest.direction)

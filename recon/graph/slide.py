@@ -21,6 +21,7 @@ MAX_HEIGHT = 2.0  # m: higher up it may be a ceiling
 MIN_RANGE, MAX_RANGE = 0.5, 12.0  # m from the camera
 OVERHANG = 0.3  # m that a wall goes on beyond the segment seen
 MIN_CORNERS = 8
+MAX_AWAY = 0.06  # m from the start: farther off it is another's way
 MIN_SHARE = 0.3  # of the corners that must agree
 ITERATIONS = 10
 KERNEL = 3.0  # px, Geman and McClure's
@@ -91,7 +92,7 @@ def estimate_slide(
 ) -> Slide | None:
     """The way from where corners with `rays` (N, 3) in the first image are `seen` (N, 2), px, in the second.
 
-    start: m, where to begin. Robust least squares over way, across and turn, the latter two held by the scans. None
+    start: m, nearly the way. Robust least squares over way, across and turn, the latter two held by the scans. None
     where few corners agree.
     """
     points = on_surfaces(rays, pose, segments)
@@ -99,7 +100,7 @@ def estimate_slide(
     points, seen, rays = points[known], seen[known], rays[known]
     if len(points) < MIN_CORNERS:
         return None
-    parameters, kernel = np.array([start, 0.0, 0.0]), 8 * KERNEL
+    parameters, kernel = np.array([start, 0.0, 0.0]), 2 * KERNEL
     prior = np.diag([0.0, SIGMA_ACROSS**-2, SIGMA_HEADING**-2])
     for _ in range(ITERATIONS):
         residual = seen - project(points, step.relative(parameters), pose, camera)
@@ -110,7 +111,7 @@ def estimate_slide(
         parameters = parameters + np.linalg.solve(normal, pull)
         kernel = max(KERNEL, kernel / 2)
     agree = weight > 0.25
-    if agree.sum() < max(MIN_CORNERS, MIN_SHARE * len(points)):
+    if agree.sum() < max(MIN_CORNERS, MIN_SHARE * len(points)) or abs(parameters[0] - start) > MAX_AWAY:
         return None
     spread = max(1.0, float(np.sum(weight[:, None] * residual**2) / (2 * np.sum(weight))) / SIGMA_PIXEL**2)
     inverse = np.linalg.inv(normal)

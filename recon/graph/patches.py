@@ -1,0 +1,125 @@
+"""How far the platform moved, roughly: patches of one image laid over the next for every way it may have gone.
+
+Corners followed alone may lock to the next tile of a floor. A patch knows its surface, so it can be drawn as the next
+image would show it; only the true way suits walls and floor alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.geometry import Array, Pose3
+from recon.graph.slide import Step, on_surfaces, project
+from recon.sequence.camera import Camera
+
+MAX_SPEED, MAX_REVERSE = 2.5, 1.0  # m/s
+SPACING = 0.03  # m between ways that are tried
+MOST_WAYS = 80
+PATCH = 2.0 * np.stack(np.meshgrid(np.arange(-2, 3), np.arange(-2, 3)), axis=-1).reshape(-1, 2)  # px
+BLUR = 1.0  # px
+FLAT = 2.0  # grey values: patches with less contrast say nothing
+MIN_PATCHES = 8
+MIN_SCORE = 0.3
+RIVAL = 0.85  # of the best score: another way with as much is as likely
+CHANGE = 1.0  # m/s^2: how fast a known speed may have changed
+
+
+@dataclass(frozen=True)
+class Guess:
+    """The speed (m/s) of the platform some time (age, s) ago."""
+
+    speed: float
+    age: float
+
+
+def likely_way(
+    first: NDArray[np.uint8],
+    second: NDArray[np.uint8],
+    corners: Array,
+    step: Step,
+    seconds: float,
+    guess: Guess | None,
+    pose: Pose3,
+    camera: Camera,
+    segments: Array,
+) -> float | None:
+    """The way (m) between two grey images at which patches around corners (N, 2), px, agree best.
+
+    None where nothing agrees, or where several ways do equally well (tiles, and nothing else) and the speed before
+    does not tell them apart. segments: (M, 2, 2) m, feet of walls in the first platform frame.
+    """
+    ways = _ways(seconds)
+    score = _scores(first, second, corners, step, ways, pose, camera, segments)
+    peak = np.flatnonzero((score[1:-1] >= score[:-2]) & (score[1:-1] > score[2:])) + 1
+    peak = peak[score[peak] > MIN_SCORE]
+    if not len(peak):
+        return None
+    peak = peak[score[peak] > RIVAL * score[peak].max()]
+    if len(peak) == 1:
+        return float(ways[peak[0]])
+    if guess is None:
+        return None
+    off = np.abs(ways[peak] - guess.speed * seconds)
+    near = np.flatnonzero(off < CHANGE * (guess.age + seconds) * seconds)
+    return float(ways[peak[near[0]]]) if len(near) == 1 else None
+
+
+def _ways(seconds: float) -> Array:
+    low, high = -MAX_REVERSE * seconds, MAX_SPEED * seconds
+    return np.linspace(low, high, int(np.clip((high - low) / SPACING, 8, MOST_WAYS)))
+
+
+def _scores(
+    first: NDArray[np.uint8],
+    second: NDArray[np.uint8],
+    corners: Array,
+    step: Step,
+    ways: Array,
+    pose: Pose3,
+    camera: Camera,
+    segments: Array,
+) -> Array:
+    """(W,) mean correlation of the patches on walls and of those on the floor, both counting the same."""
+    pixels = (corners[:, None] + PATCH).reshape(-1, 2)
+    rays = np.concatenate([camera.undistort(pixels), np.ones((len(pixels), 1))], axis=1)
+    points = on_surfaces(rays, pose, segments)
+    one = _sample(first, pixels).reshape(len(corners), -1)
+    whole = np.isfinite(points[:, 0]).reshape(len(corners), -1).all(axis=1) & (one.std(axis=1) > FLAT)
+    points, one = points.reshape(len(corners), -1, 3)[whole], one[whole]
+    floor = points[:, :, 2].max(axis=1) < 1e-6
+    kinds = [k for k in (floor, ~floor) if k.sum() >= MIN_PATCHES]
+    score = np.zeros(len(ways))
+    if not kinds:
+        return score
+    for i, way in enumerate(ways):
+        seen = project(points.reshape(-1, 3), step.relative(np.array([way, 0.0, 0.0])), pose, camera)
+        other = _sample(second, seen).reshape(len(points), -1)
+        alike = _correlation(one, other)
+        score[i] = np.mean([_mean(alike[k]) for k in kinds])
+    return score
+
+
+def _mean(alike: Array) -> float:
+    """Of the patches that are in the picture; 0 where few are."""
+    seen = np.isfinite(alike)
+    return float(alike[seen].mean()) if seen.sum() >= MIN_PATCHES // 2 else 0.0
+
+
+def _sample(image: NDArray[np.uint8], pixels: Array) -> Array:
+    """(N,) grey values at pixels (N, 2), nan outside."""
+    soft = cv2.GaussianBlur(image, (0, 0), BLUR)
+    places = np.nan_to_num(pixels, nan=-10.0).astype(np.float32).reshape(-1, 1, 2)
+    values = cv2.remap(soft, places, None, cv2.INTER_LINEAR).ravel().astype(np.float64)
+    inside = ((places[:, 0] >= 0) & (places[:, 0] <= np.array(image.shape[::-1]) - 1)).all(axis=1)
+    return np.where(inside, values, np.nan)
+
+
+def _correlation(one: Array, other: Array) -> Array:
+    """(N,) normalised correlation of the rows of two arrays (N, P); nan where a row has a nan."""
+    a, b = one - one.mean(axis=1, keepdims=True), other - other.mean(axis=1, keepdims=True)
+    size = np.sqrt(np.sum(a**2, axis=1) * np.sum(b**2, axis=1))
+    return np.asarray(np.sum(a * b, axis=1) / np.maximum(size, 1e-9))

@@ -11,6 +11,8 @@ from scan_drive import FULL, OFFICE, cast_scans, polygon, wheel_odometry
 
 from recon.config import LidarConfig
 from recon.geometry import Array, apply2, between2, compose2, wrap_angle
+from recon.lidar.cloud import Cloud
+from recon.lidar.clouds import Clouds
 from recon.lidar.matching import match_scans
 from recon.loops.agreement import agreeing
 from recon.loops.branch_and_bound import search
@@ -18,6 +20,9 @@ from recon.loops.close import close_loops
 from recon.loops.drift import Drift, chain_between
 from recon.loops.grid import CELL, build_pyramid
 from recon.loops.pose_graph import Edges, solve, solve_consistent
+from recon.loops.search import CANDIDATES, LoopSearch
+from recon.loops.submap import make_submaps
+from recon.loops.ties import VISITS
 
 Ints = NDArray[np.int64]
 
@@ -138,14 +143,15 @@ def test_the_drift_is_that_of_the_chain_and_closures_end_it() -> None:
         relative = between2(true[:-1], true[1:]) + noise
         ends.append(chained(Edges(chain.first, chain.second, relative, chain.covariance), true[0])[25])
     spread = np.var(np.array(ends) - true[25], axis=0)
-    found = Drift(len(true), chain).spread(0, true, np.inf)
-    assert found[25, 0] == pytest.approx(spread[0] + spread[1], rel=0.6)
-    assert found[25, 1] == pytest.approx(spread[2], rel=0.25)
+    found = Drift(len(true), chain).spread(0, true, np.inf, np.array([25, 42]))
+    assert found[0, 0] == pytest.approx(spread[0] + spread[1], rel=0.6)
+    assert found[0, 1] == pytest.approx(spread[2], rel=0.25)
     composed, covariance = chain_between(between2(true[:-1], true[1:]), chain.covariance, np.array([0, 25]))
     np.testing.assert_allclose(composed[0], between2(true[0], true[25]), atol=1e-9)
     assert np.trace(covariance[0, :2, :2]) == pytest.approx(spread[0] + spread[1], rel=0.25)
-    closed = Drift(len(true), Edges.concatenate([chain, closures])).spread(42, true, np.inf)
-    assert closed[2, 0] < 0.01 < found[42, 0]
+    closed = Drift(len(true), Edges.concatenate([chain, closures])).spread(42, true, np.inf, np.array([2]))
+    assert closed[0, 0] < 0.01 < found[1, 0]
+    assert np.isinf(Drift(len(true), chain).spread(0, true, 0.01, np.array([42]))).all()
 
 
 def drive(corners: list[tuple[float, float]], step: float = 0.15) -> Array:
@@ -198,6 +204,51 @@ def test_a_self_similar_ring_closes_rightly(niche: float) -> None:
     error = between2(true[closed.closures.first], true[closed.closures.second]) - closed.closures.relative
     assert np.linalg.norm(error[:, :2], axis=1).max() < 0.3
     assert after.max() < max(0.25, 0.7 * before.max())
+
+
+def test_a_place_visited_often_is_searched_for_a_few_times() -> None:
+    """Rounds of the same hall: however many came before, a submap is looked for in a bounded number of older ones."""
+    laps = drive([*ROUND] * 24, 0.4)
+    scans = np.arange(len(laps))
+    empty = Cloud(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.bool_), np.zeros(0))
+    submaps = make_submaps(scans, Clouds.pack(empty for _ in scans), laps)
+    nodes = laps[submaps.anchor_scans]
+    numbers = np.arange(len(nodes))
+    steps = between2(nodes[:-1], nodes[1:])
+    chain = Edges(numbers[:-1], numbers[1:], steps, np.tile(np.diag([1e-4, 1e-4, 1e-6]), (len(steps), 1, 1)))
+    found = LoopSearch(submaps, laps, chain, LidarConfig()).candidates(2.0)
+    counts = np.bincount([c.second for c in found], minlength=len(nodes))
+    assert counts[-20:].min() >= 3 and counts.max() <= CANDIDATES
+    assert all(c.first < c.second for c in found)
+    assert np.array_equal([between2(nodes[c.first], nodes[c.second]) for c in found], [c.guess for c in found])
+
+
+def test_keyframes_are_tied_to_a_few_visits_and_threads_change_nothing() -> None:
+    true = drive([*ROUND, *ROUND[:3]], 0.3)
+    scans = cast_scans(ring_corridor(1.2), true, 180, FULL, sigma=0.01, reach=8.0)
+    matching = match_scans(scans, wheel_odometry(scans.timestamps, true, 1.0, 0.0002), LidarConfig())
+    one, two = (close_loops(scans, matching, LidarConfig(), workers) for workers in (1, 2))
+    for name in ("closures", "ties"):
+        a, b = getattr(one, name), getattr(two, name)
+        assert np.array_equal(a.relative, b.relative) and np.array_equal(a.first, b.first) and len(a) > 5
+    assert np.array_equal(one.trajectory.poses, two.trajectory.poses)
+    assert np.bincount(one.ties.second).max() <= VISITS
+
+
+def test_packed_clouds_move_as_single_ones() -> None:
+    rng = np.random.default_rng(0)
+    clouds = []
+    for n in (4, 0, 7):
+        angle = rng.uniform(-3, 3, n)
+        normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        clouds.append(Cloud(rng.normal(size=(n, 2)) * 5, normals, rng.random(n) < 0.5, rng.uniform(10, 1000, n)))
+    poses = rng.normal(size=(3, 3)) * [10, 10, 1]
+    packed = Clouds.pack(iter(clouds)).moved(1, 3, poses[1:])
+    single = Cloud.concatenate([c.moved(p) for c, p in zip(clouds[1:], poses[1:], strict=True)])
+    np.testing.assert_allclose(packed.xy, single.xy, atol=1e-5)
+    np.testing.assert_allclose(packed.normals, single.normals, atol=1e-6)
+    np.testing.assert_allclose(packed.information, single.information, rtol=1e-6)
+    assert np.array_equal(packed.flat, single.flat)
 
 
 def test_a_drive_that_visits_nothing_twice_stays_as_it_is() -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.lidar.cloud import Cloud
+from recon.lidar.clouds import Clouds, Floats
 from recon.lidar.localmap import CELL, LocalMap
 
 Ints = NDArray[np.int64]
@@ -60,7 +61,40 @@ def align(
     return Alignment(pose, information, overlap, matched)
 
 
-@njit(cache=True)
+def align_many(
+    clouds: Clouds, chosen: Ints, local: LocalMap, guesses: Array, prior_information: Array, width: float, noise: float
+) -> list[Alignment]:
+    """`align` of the `chosen` (m,) of many clouds, each with its guess (m, 3) as prior, too."""
+    poses, information, overlap, matched = _align_many(
+        clouds.rows, clouds.flat, clouds.start, chosen,
+        local.points, local.normals, local.flat, local.information, local.head, local.after, local.corner,
+        guesses, prior_information, width, noise,
+    )  # fmt: skip
+    parts = zip(poses, information, overlap.tolist(), matched.tolist(), strict=True)
+    return [Alignment(*part) for part in parts]
+
+
+@njit(cache=True, nogil=True)
+def _align_many(
+    rows: Floats, flat: Bools, start: Ints, chosen: Ints,
+    map_xy: Array, map_normals: Array, map_flat: Bools, map_information: Array, head: Ints, after: Ints, corner: Array,
+    guesses: Array, prior_information: Array, width: float, noise: float,
+) -> tuple[Array, Array, Array, Ints]:  # fmt: skip
+    count = len(chosen)
+    poses, information = np.empty((count, 3)), np.empty((count, 3, 3))
+    overlap, matched = np.empty(count), np.empty(count, np.int64)
+    for m in range(count):
+        a, b = start[chosen[m]], start[chosen[m] + 1]
+        cloud = rows[a:b].astype(np.float64)
+        poses[m], information[m], overlap[m], matched[m] = _align(
+            cloud[:, 0:2].copy(), cloud[:, 2:4].copy(), flat[a:b], cloud[:, 4].copy(),
+            map_xy, map_normals, map_flat, map_information, head, after, corner,
+            guesses[m], guesses[m], prior_information, width, noise,
+        )  # fmt: skip
+    return poses, information, overlap, matched
+
+
+@njit(cache=True, nogil=True)
 def _align(
     xy: Array, normals: Array, flat: Bools, information: Array,
     map_xy: Array, map_normals: Array, map_flat: Bools, map_information: Array, head: Ints, after: Ints, corner: Array,

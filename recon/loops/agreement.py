@@ -24,10 +24,14 @@ def agreeing(closures: Edges, nodes: Array, driven: Array) -> NDArray[np.bool_]:
     same thing twice and do not count for one another.
     """
     out = np.zeros(len(closures), np.bool_)
+    order = np.argsort(closures.second, kind="stable")
+    sorted_second = closures.second[order]
     for i in range(len(closures)):
         first, second = closures.first[i], closures.second[i]
-        near = (np.abs(closures.first - first) <= NEIGHBOURS) & (np.abs(closures.second - second) <= NEIGHBOURS)
-        others = closures[near & (closures.second != second)]
+        low, high = np.searchsorted(sorted_second, [second - NEIGHBOURS, second + NEIGHBOURS + 1])
+        beside = order[low:high]
+        near = (np.abs(closures.first[beside] - first) <= NEIGHBOURS) & (closures.second[beside] != second)
+        others = closures[beside[near]]
         if not len(others):
             continue
         there = between2(nodes[first], nodes[others.first])

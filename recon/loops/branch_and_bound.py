@@ -52,7 +52,7 @@ def search(
     return Match(pose, total / (255.0 * len(xy)))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _cells(xy: Array, guess: Array, turns: Array, corner: Array, pad: int) -> Ints:
     """(T, n, 2) cells of the points at the guess, for every turn."""
     out = np.empty((len(turns), len(xy), 2), np.int64)
@@ -74,7 +74,7 @@ def _total(grid: Bytes, cells: Ints, du: int, dv: int) -> int:
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _search(
     levels: Bytes, cells: Ints, shifts: int, least: float, hole: Array, near: NDArray[np.bool_]
 ) -> tuple[int, int, int, int]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from recon.config import LidarConfig
 from recon.geometry import Array, between2, compose2, wrap_angle
 from recon.lidar.cloud import make_cloud
+from recon.lidar.clouds import Clouds
 from recon.lidar.matching import ScanMatching
 from recon.lidar.noise import with_noise
 from recon.lidar.points import scan_points
@@ -51,12 +52,13 @@ class ClosedLoops:
         return ClosedLoops(trajectory, Edges.none(), Edges.none(), rejected)
 
 
-def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig) -> ClosedLoops:
+def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig, workers: int = 1) -> ClosedLoops:
     """Finds where the drive visits places again, and the poses that agree with that.
 
     Submaps are searched for in older ones (Hess et al. 2016) within windows that follow from the drift since; closures
     that do not agree with one another are dropped, as a set; with the poses that follow every keyframe is aligned with
-    what other visits saw around it, and the pose graph of all scans is solved.
+    what other visits saw around it, and the pose graph of all scans is solved. workers: threads; they never change the
+    result.
     """
     trajectory = matching.trajectory
     poses = trajectory.poses
@@ -64,7 +66,7 @@ def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Cl
     if len(submaps) < 2:
         return ClosedLoops.none(trajectory)
     steps = between2(poses[:-1], poses[1:])
-    search = LoopSearch(submaps, poses, _chain_of_submaps(submaps, steps, matching), config)
+    search = LoopSearch(submaps, poses, _chain_of_submaps(submaps, steps, matching), config, workers)
     search.run()
     if not len(search.closures):
         return ClosedLoops.none(trajectory, search.rejected)
@@ -77,7 +79,7 @@ def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Cl
     poses = solve(_moved_along(poses, anchors, search.nodes), chain, closures, KERNEL, CHAIN_KERNEL)
     ties = Edges.none()
     for _ in range(PASSES):
-        ties = tie(submaps, poses, driven, config)
+        ties = tie(submaps, poses, driven, config, workers)
         poses = solve(poses, chain, Edges.concatenate([closures, ties]), KERNEL, CHAIN_KERNEL)
     return ClosedLoops(Trajectory(trajectory.timestamps, poses), closures, ties, search.rejected)
 
@@ -85,7 +87,7 @@ def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Cl
 def _submaps(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Submaps:
     keyframes = choose_keyframes(matching.trajectory.poses, ~matching.failed)
     velocity = matching.velocities if scans.time_increment > 0 else [None] * len(scans)
-    clouds = tuple(make_cloud(scan_points(scans, int(k), velocity[k]), config) for k in keyframes)
+    clouds = Clouds.pack(make_cloud(scan_points(scans, int(k), velocity[k]), config) for k in keyframes)
     return make_submaps(keyframes, clouds, matching.trajectory.poses)
 
 

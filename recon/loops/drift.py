@@ -62,27 +62,40 @@ class Drift:
         self._edge = order % max(len(edges), 1)
         self._variance = np.ascontiguousarray(edges.covariance[:, [0, 1, 2], [0, 1, 2]])
 
-    def spread(self, node: int, poses: Array, most: float) -> Array:
-        """(M, 2) variances [position m^2, the worse axis; heading rad^2] of all nodes seen from `node`.
+    def spread(self, node: int, poses: Array, most: float, wanted: Ints) -> Array:
+        """(W, 2) variances [position m^2, the worse axis; heading rad^2] of the `wanted` (W,) nodes seen from `node`.
 
         Infinite where `most` (m^2, a heading at `LEVER` counted too) is exceeded on every way.
         """
-        return _surest(self._start, self._other, self._edge, self._variance, poses, node, most)
+        return _surest(self._start, self._other, self._edge, self._variance, poses, node, most, wanted)
 
 
 @njit(cache=True)
-def _surest(start: Ints, other: Ints, edge: Ints, variance: Array, poses: Array, node: int, most: float) -> Array:
-    """Dijkstra's ways. Along each: sums of position variance, heading variance, and the moments that make levers."""
+def _surest(
+    start: Ints, other: Ints, edge: Ints, variance: Array, poses: Array, node: int, most: float, wanted: Ints
+) -> Array:
+    """Dijkstra's ways, until all wanted nodes are reached.
+
+    Along each: sums of position variance, heading variance, and the moments that make levers.
+    """
     count = len(start) - 1
     cost = np.full(count, math.inf)
     # position variance, heading variance, and heading variance times the place it acts from (x, y) and its square
     sums = np.zeros((count, 5))
     cost[node] = 0.0
+    waiting, left = np.zeros(count, np.bool_), len(wanted)
+    for j in wanted:
+        waiting[j] = True
     heap = [(0.0, node)]
-    while heap:
+    while heap and left > 0:
         so_far, k = heapq.heappop(heap)
-        if so_far > cost[k] or so_far > most:
+        if so_far > most:
+            break
+        if so_far > cost[k]:
             continue
+        if waiting[k]:
+            waiting[k] = False
+            left -= 1
         for i in range(start[k], start[k + 1]):
             j, v = other[i], variance[edge[i]]
             position = max(v[0], v[1])
@@ -96,11 +109,11 @@ def _surest(start: Ints, other: Ints, edge: Ints, variance: Array, poses: Array,
                 sums[j, 3] = sums[k, 3] + v[2] * y
                 sums[j, 4] = sums[k, 4] + v[2] * (x * x + y * y)
                 heapq.heappush(heap, (reached, j))
-    out = np.zeros((count, 2))
-    for j in range(count):
+    out = np.full((len(wanted), 2), math.inf)
+    for i, j in enumerate(wanted):
+        if waiting[j]:
+            continue
         x, y = poses[j, 0], poses[j, 1]
         lever = sums[j, 4] - 2 * (x * sums[j, 2] + y * sums[j, 3]) + (x * x + y * y) * sums[j, 1]
-        out[j, 0], out[j, 1] = sums[j, 0] + max(lever, 0.0), sums[j, 1]
-        if cost[j] > most:
-            out[j, 0], out[j, 1] = math.inf, math.inf
+        out[i, 0], out[i, 1] = sums[j, 0] + max(lever, 0.0), sums[j, 1]
     return out

@@ -49,7 +49,7 @@ def build_pyramid(points: Array, levels: int = LEVELS) -> Pyramid:
     return Pyramid(out, corner, pad)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _splat(points: Array, corner: Array, grid: Bytes, margin: int, pad: int) -> None:
     """Writes 255 exp(-d^2 / 2 blur^2), d being the distance from the cell's middle to the nearest point."""
     for i in range(len(points)):
@@ -63,7 +63,7 @@ def _splat(points: Array, corner: Array, grid: Bytes, margin: int, pad: int) -> 
                 grid[u + pad, v + pad] = max(grid[u + pad, v + pad], value)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _pool(fine: Bytes, coarse: Bytes, step: int) -> None:
     """Largest of the four cells of the finer level that are `step` apart."""
     rows, columns = fine.shape

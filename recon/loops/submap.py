@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from recon.config import LidarConfig
 from recon.geometry import Array, between2
 from recon.lidar.cloud import Cloud
+from recon.lidar.clouds import Clouds
 from recon.lidar.localmap import LocalMap, build_map
 from recon.loops.grid import Pyramid, build_pyramid
 
@@ -29,14 +30,14 @@ POINTS = 200
 
 @dataclass(frozen=True)
 class Submaps:
-    """M stretches of keyframes. scans: (K,) scan of every keyframe; clouds: K, in the platform frame.
+    """M stretches of keyframes. scans: (K,) scan of every keyframe; clouds: K.
 
     first: (M + 1,) first keyframe of every submap, and K. anchor: (M,) keyframe in the middle, whose frame is the
     submap's. driven: (M,) m (turns count too) from the start to the anchor.
     """
 
     scans: Ints
-    clouds: tuple[Cloud, ...]
+    clouds: Clouds
     first: Ints
     anchor: Ints
     driven: Array
@@ -53,8 +54,8 @@ class Submaps:
         """Keyframes of a submap and `around` neighbours on either side, in its frame; poses: (N, 3) of all scans."""
         low, high = max(number - around, 0), min(number + around + 1, len(self))
         base = poses[self.anchor_scans[number]]
-        chosen = range(int(self.first[low]), int(self.first[high]))
-        return Cloud.concatenate([self.clouds[k].moved(between2(base, poses[self.scans[k]])) for k in chosen])
+        start, end = int(self.first[low]), int(self.first[high])
+        return self.clouds.moved(start, end, between2(base, poses[self.scans[start:end]]))
 
 
 def choose_keyframes(poses: Array, usable: NDArray[np.bool_]) -> Ints:
@@ -69,7 +70,7 @@ def choose_keyframes(poses: Array, usable: NDArray[np.bool_]) -> Ints:
     return np.array(chosen, dtype=np.int64)
 
 
-def make_submaps(scans: Ints, clouds: tuple[Cloud, ...], poses: Array) -> Submaps:
+def make_submaps(scans: Ints, clouds: Clouds, poses: Array) -> Submaps:
     """Of keyframes at `scans` (K,); poses: (N, 3) of all scans."""
     step = between2(poses[scans[:-1]], poses[scans[1:]])
     effort = np.hypot(step[:, 0], step[:, 1]) + TURN_EFFORT * np.abs(step[:, 2])

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from recon.config import LidarConfig
 from recon.geometry import Array, between2
-from recon.lidar.icp import align
+from recon.lidar.icp import align_many
 from recon.lidar.localmap import build_map
 from recon.loops.pose_graph import Edges
 from recon.loops.submap import Submaps
+from recon.loops.workers import threaded
 
 Ints = NDArray[np.int64]
 
@@ -18,6 +20,10 @@ NEAR = 8.0
 """m from a keyframe to the middle of a submap that it is aligned with."""
 VISITS = 4
 """Submaps that a keyframe is aligned with."""
+NEAREST = 64
+"""Submaps that are looked at for these, however often a place was visited."""
+BLOCK = 4096
+"""Keyframes whose neighbours are looked up at once."""
 APART = 2
 """Submaps between two of them."""
 GAP = 15.0
@@ -34,42 +40,65 @@ FLOOR = (0.01, 0.002)
 """m, rad: how far submaps bend."""
 
 
-def tie(submaps: Submaps, poses: Array, driven: Array, config: LidarConfig) -> Edges:
+def tie(submaps: Submaps, poses: Array, driven: Array, config: LidarConfig, workers: int = 1) -> Edges:
     """Keyframes aligned with the submaps of other visits; poses (N, 3) and driven (N,) m of all scans."""
+    partners = _partners(submaps, poses, driven)
+    found = threaded(lambda number: _tied(submaps, number, partners[number], poses, config), list(partners), workers)
+    return Edges.concatenate([Edges.none(), *found])
+
+
+def _tied(submaps: Submaps, number: int, keyframes: Ints, poses: Array, config: LidarConfig) -> Edges:
+    """Keyframes (m,) aligned with one submap."""
     noise = max(NOISE, NOISE_SIGMAS * config.range_sigma)
-    parts = []
-    for number, keyframes in _partners(submaps, poses, driven).items():
-        local = build_map(submaps.cloud(number, poses, around=1), np.zeros(2), config)
-        anchor = submaps.anchor_scans[number]
-        for k in keyframes:
-            scan = submaps.scans[k]
-            guess = between2(poses[anchor], poses[scan])
-            found = align(submaps.clouds[k], local, guess, guess, TRUST, WIDTH, noise)
-            if found.overlap >= LEAST_OVERLAP and found.matched >= LEAST_MATCHED:
-                covariance = np.linalg.inv(found.information + VAGUE) + np.diag(np.array(FLOOR)[[0, 0, 1]] ** 2)
-                parts.append((anchor, scan, found.pose, covariance))
-    if not parts:
+    local = build_map(submaps.cloud(number, poses, around=1), np.zeros(2), config)
+    anchor, scans = submaps.anchor_scans[number], submaps.scans[keyframes]
+    guesses = between2(poses[anchor], poses[scans])
+    found = align_many(submaps.clouds, keyframes, local, guesses, TRUST, WIDTH, noise)
+    good = np.array([f.overlap >= LEAST_OVERLAP and f.matched >= LEAST_MATCHED for f in found])
+    if not good.any():
         return Edges.none()
-    first, second, relative, covariances = zip(*parts, strict=True)
-    return Edges(np.array(first), np.array(second), np.array(relative), np.array(covariances))
+    relative = np.array([f.pose for f in found])[good]
+    information = np.array([f.information for f in found])[good]
+    covariance = np.linalg.inv(information + VAGUE) + np.diag(np.array(FLOOR)[[0, 0, 1]] ** 2)
+    return Edges(np.full(len(relative), anchor), scans[good], relative, covariance)
 
 
-def _partners(submaps: Submaps, poses: Array, driven: Array) -> dict[int, list[int]]:
+def _partners(submaps: Submaps, poses: Array, driven: Array) -> dict[int, Ints]:
     """Keyframes to align with every submap that has any, in the order of the submaps."""
     from scipy.spatial import cKDTree
 
-    middles = poses[submaps.anchor_scans, :2]
-    tree = cKDTree(middles)
-    at_anchors = driven[submaps.anchor_scans]
-    out: dict[int, list[int]] = {}
-    for k, scan in enumerate(submaps.scans):
-        near = np.array(tree.query_ball_point(poses[scan, :2], NEAR), dtype=np.int64)
-        near = near[np.abs(at_anchors[near] - driven[scan]) > GAP]
-        chosen: list[int] = []
-        for number in near[np.argsort(np.linalg.norm(middles[near] - poses[scan, :2], axis=1), kind="stable")]:
-            if all(abs(int(number) - c) > APART for c in chosen):
-                chosen.append(int(number))
-                out.setdefault(int(number), []).append(k)
-            if len(chosen) == VISITS:
+    anchors = submaps.anchor_scans
+    tree = cKDTree(poses[anchors, :2])
+    pairs = []
+    for low in range(0, len(submaps.scans), BLOCK):
+        scans = submaps.scans[low : low + BLOCK]
+        _, near = tree.query(poses[scans, :2], k=min(NEAREST, len(anchors)), distance_upper_bound=NEAR)
+        near = near.reshape(len(scans), -1)
+        pairs.append(_choose(near, driven[anchors], driven[scans]) + np.array([0, low]))
+    numbers, keyframes = np.concatenate(pairs).T
+    if not len(numbers):
+        return {}
+    order = np.argsort(numbers, kind="stable")
+    cuts = np.flatnonzero(np.diff(numbers[order], prepend=-1))
+    groups = np.split(keyframes[order], cuts[1:])
+    return {int(numbers[order[cut]]): group for cut, group in zip(cuts, groups, strict=True)}
+
+
+@njit(cache=True)
+def _choose(near: Ints, at_anchors: Array, at_scans: Array) -> Ints:
+    """(P, 2) submap and scan: of the submaps `near` (S, k) each scan, nearest first, up to `VISITS` of other visits."""
+    out, count = np.empty((VISITS * len(near), 2), np.int64), 0
+    for s in range(len(near)):
+        first = count
+        for number in near[s]:
+            if count == first + VISITS or number == len(at_anchors):
                 break
-    return dict(sorted(out.items()))
+            if abs(at_anchors[number] - at_scans[s]) <= GAP:
+                continue
+            apart = True
+            for c in range(first, count):
+                apart = apart and abs(number - out[c, 0]) > APART
+            if apart:
+                out[count, 0], out[count, 1] = number, s
+                count += 1
+    return out[:count]

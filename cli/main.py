@@ -11,6 +11,7 @@ from types import FrameType
 import click
 
 from recon import __version__
+from recon.cli.bench import bench
 from recon.cli.build import build
 from recon.cli.convert import convert
 from recon.cli.evaluate import evaluate
@@ -36,7 +37,7 @@ def recon() -> None:
     """Offline indoor 3D reconstruction from a camera and a 2D LiDAR."""
 
 
-for _command in (build, convert, export, evaluate, inspect, simulate):
+for _command in (build, convert, export, evaluate, inspect, simulate, bench):
     recon.add_command(_command)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from recon.exporters.output import Output
 from recon.geometry import Array, rotation2
 from recon.model import Layout, Model, Opening, Room, Wall
-from recon.plan import dominant_angle, label_spot, opening_ends, solid_pieces, wall_bodies
+from recon.plan import dominant_angle, label_spot, opening_ends, solid_pieces, unseen_bodies, unseen_pieces, wall_bodies
 
 SCALES = (20, 50, 100, 200, 250, 500, 1000, 2000, 5000)
 PAPER = (400.0, 277.0)
@@ -98,7 +98,7 @@ def _draw_plan(root: ET.Element, layout: Layout, sheet: Sheet) -> None:
     objects = ET.SubElement(plan, "g", {"id": "objects", "stroke": GREY} | thin | {"fill": "#d9dbde"})
     for item in layout.objects:
         ET.SubElement(objects, "path", {"id": f"object_{item.id:03d}", "d": _path(item.footprint, True)})
-    bodies = _polygons_path(wall_bodies(layout))
+    bodies = _polygons_path(wall_bodies(layout).difference(unseen_bodies(layout)))
     ET.SubElement(plan, "path", {"id": "wall_bodies", "d": bodies, "fill": INK, "fill-rule": "evenodd"})
     openings = ET.SubElement(plan, "g", {"id": "openings"} | thin)
     for opening in layout.openings:
@@ -111,8 +111,12 @@ def _draw_plan(root: ET.Element, layout: Layout, sheet: Sheet) -> None:
 def _draw_wall(parent: ET.Element, wall: Wall, layout: Layout, sheet: Sheet) -> None:
     data = " ".join(_path(piece, False) for piece in solid_pieces(layout, wall))
     path = ET.SubElement(parent, "path", {"id": f"wall_{wall.id:03d}", "d": data})
+    dashes = _number(sheet.metres(1.0))
     if wall.source == "inferred":
-        path.set("stroke-dasharray", _number(sheet.metres(1.0)))
+        path.set("stroke-dasharray", dashes)
+    for piece in unseen_pieces(wall) if wall.source != "inferred" else ():
+        dashed = {"stroke": "#ffffff", "stroke-dasharray": dashes, "stroke-linecap": "butt"}
+        ET.SubElement(parent, "path", {"class": "unseen", "d": _path(piece, False)} | dashed)
     ET.SubElement(
         path, "title"
     ).text = f"wall_{wall.id:03d}: {wall.length:.2f} m, ±{wall.sigma_offset * 1000:.0f} mm, {wall.source}"

@@ -50,6 +50,23 @@ def solid_pieces(layout: Layout, wall: Wall) -> list[Array]:
     return pieces
 
 
+def unseen_pieces(wall: Wall) -> list[Array]:
+    """The stretches (2, 2) of a wall that no sensor saw: all of an inferred one."""
+    spans = np.array([[0.0, wall.length]]) if wall.source == "inferred" else wall.unseen
+    return [wall.start + span[:, None] * wall.direction for span in spans]
+
+
+def unseen_bodies(layout: Layout) -> BaseGeometry:
+    """Ground behind the stretches of walls that no sensor saw; half of it where the wall's other face was seen."""
+    import shapely
+
+    parts = []
+    for wall in layout.walls:
+        depth = DRAWN_THICKNESS * (1.1 if wall.thickness is None else 0.5)
+        parts += [behind(ends, wall, depth, front=0.02) for ends in unseen_pieces(wall)]
+    return shapely.unary_union(parts)
+
+
 def behind(ends: Array, wall: Wall, depth: float, front: float = 0.0) -> BaseGeometry:
     """The rectangle from `front` m before to `depth` m behind the face of `wall` between `ends` (2, 2)."""
     import shapely

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from recon.geometry import Array, wrap_angle
 from recon.graph.line import FLATNESS, Difference, Lines, carry, squared_distance, symmetric
 from recon.graph.motion import Motion
+from recon.graph.nearest import NONE, nearest_walls
 
 Ints = NDArray[np.int64]
 
-NONE = -1
-"""Label of a segment that belongs to no wall."""
 GATE = 13.8
 """Chi-square with two degrees of freedom, 99.9 %."""
 REACH = 0.3
@@ -31,8 +30,6 @@ MAX_HEADING_DRIFT = 0.05
 """rad: the same for the heading."""
 MARGIN = 1.0
 """m: walls that miss the circle around a scan's segments by more are not compared with them."""
-CHUNK = 2000
-"""Segments that are compared with all walls at a time."""
 
 
 @dataclass(frozen=True)
@@ -168,16 +165,10 @@ def _track_scan(table: WallTable, lines: Lines, scan: int, poses: Array, drift: 
 
 def assign(lines: Lines, walls: Lines, poses: Array, scan: Ints) -> Ints:
     """Labels (K,) of segments among known `walls`, NONE where none fits, with optimised `poses` (N, 3)."""
-    labels = np.full(len(lines), NONE, dtype=np.int64)
     drift = Drift.solved(len(poses))
-    for start in range(0, len(lines) if len(walls) else 0, CHUNK):
-        part = slice(start, start + CHUNK)
-        some = lines[part]
-        lever = np.sum((some.middle - poses[scan[part], :2]) * some.direction, axis=1)
-        pose = _pose_covariance(lever, drift.floor_position**2, drift.floor_heading**2)
-        spread = some.covariance + pose + flatness(some)
-        labels[part] = _nearest(Difference.between(some, walls), spread[:, None])
-    return labels
+    lever = np.sum((lines.middle - poses[scan, :2]) * lines.direction, axis=1)
+    pose = _pose_covariance(lever, drift.floor_position**2, drift.floor_heading**2)
+    return nearest_walls(lines, lines.covariance + pose + flatness(lines), walls, (GATE, REACH, MAX_TURN))
 
 
 def flatness(lines: Lines) -> Array:

@@ -2,75 +2,79 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.sparse import csr_array
 
 from recon.geometry import Array
 
-BAND = 5
-"""Diagonals above the main one that neighbouring poses fill."""
-CHUNK = 192
-"""Columns that are solved for at a time: memory does not grow with poses times walls."""
+Ints = NDArray[np.int64]
 
 
-class JointCovariance:
+class Covariance:
     """The inverse of the information matrix, as far as it is asked for.
 
-    Every variable is a Pose2 of three numbers in its own frame (x, y, yaw), variable k in rows 3k to 3k+2: first the
-    poses along the drive, then everything else (walls, axes). Poses are tied to their neighbours and to walls only, so
-    their part of the information is a narrow band, and what is dense is as large as there are walls (the Schur
-    complement). GTSAM's Marginals gives blocks one by one; walls are compared in pairs, which needs the blocks between
-    them too.
+    Every variable is a Pose2 of three numbers in its own frame (x, y, yaw); variable k has rows 3k to 3k+2. GTSAM
+    eliminates them in an order found by nested dissection, which leaves a sparse triangular root R of the information,
+    R^T R, of 3 by 3 blocks. What is needed of the inverse follows from it without ever being dense: the variables' own
+    blocks by the recursion of Takahashi et al. (1973), blocks between two variables by a solution along their ways
+    to the root of the elimination tree, which nested dissection keeps short.
     """
 
-    def __init__(self, linear_graph: Any, poses: int, variables: int) -> None:
-        rows, columns, values = linear_graph.sparseJacobian_()
-        size, used, split = 3 * variables, columns <= 3 * variables, 3 * poses
-        shape = (3 * linear_graph.size(), size)
-        self.jacobian = csr_array((values[used], (rows[used] - 1, columns[used] - 1)), shape=shape)
-        information = csr_array(self.jacobian.T @ self.jacobian)
-        self._band = np.zeros((BAND + 1, split))
-        for k in range(min(BAND + 1, split)):
-            self._band[-1 - k, k:] = information[:split, :split].diagonal(k)
-        self._root = cholesky_banded(self._band)
-        self._across = csr_array(information[split:, :split])
-        reduced = information[split:, split:].toarray()
-        for start in range(0, size - split, CHUNK):
-            columns = slice(start, start + CHUNK)
-            reduced[:, columns] -= self._across @ self._solve_poses(self._across[columns].toarray().T)
-        self._rest = _inverse(reduced)
-        self._split = split
-        self._unknown = np.zeros(size)
+    def __init__(self, linear_graph: Any, variables: int) -> None:
+        import gtsam
 
-    def add_unknown(self, rows: NDArray[np.int64], change: Array, sigma: float) -> None:
+        order = gtsam.Ordering.MetisGaussianFactorGraph(linear_graph)
+        net = linear_graph.eliminateSequential(order)
+        rows = [net.at(i) for i in range(variables)]
+        keys = [row.keys() for row in rows]
+        self._at = np.empty(variables, np.int64)
+        self._at[[k[0] for k in keys]] = np.arange(variables)
+        self._start = np.concatenate([[0], np.cumsum([len(k) - 1 for k in keys])]).astype(np.int64)
+        self._own = np.linalg.inv(np.array([row.R() for row in rows]))
+        column = self._at[np.array([other for k in keys for other in k[1:]], dtype=np.int64)]
+        beside = np.concatenate([np.zeros((3, 0)), *(row.S() for row in rows)], axis=1)
+        number = np.repeat(np.arange(variables), np.diff(self._start))
+        sort = np.lexsort((column, number))
+        self._column = column[sort]
+        self._beside = np.ascontiguousarray(beside.reshape(3, -1, 3).transpose(1, 0, 2)[sort])
+        self._unknown = np.zeros((variables, 3))
+        self._graph = linear_graph
+
+    @cached_property
+    def jacobian(self) -> csr_array:
+        """(3F, 3V) of F factors, row by row weighted with the root of their information."""
+        rows, columns, values = self._graph.sparseJacobian_()
+        size = 3 * len(self._at)
+        used = columns <= size  # the last column is the right-hand side
+        return csr_array((values[used], (rows[used] - 1, columns[used] - 1)), shape=(3 * self._graph.size(), size))
+
+    def add_unknown(self, rows: Ints, change: Array, sigma: float) -> None:
         """Widen by a number that was estimated apart, with standard deviation `sigma`.
 
         change: (n,) by how much one unit of it moves the residuals in the Jacobian's `rows` (n,).
         """
-        self._unknown = -sigma * self._solve((self.jacobian[rows].T @ change)[:, None])[:, 0]
+        self._unknown = -sigma * self._solve((self.jacobian[rows].T @ change)[:, None]).reshape(-1, 3)
 
-    def rest(self) -> Array:
-        """(M, M) joint covariance of everything but the poses."""
-        later = self._unknown[self._split :]
-        return self._rest + np.outer(later, later)
+    def blocks(self) -> Array:
+        """(V, 3, 3) marginal covariance of every variable."""
+        own = _marginals(self._start, self._column, self._own, self._beside)[self._at]
+        return np.asarray(own + self._unknown[:, :, None] * self._unknown[:, None])
 
-    def poses(self) -> Array:
-        """(N, 3, 3) marginal covariance of every pose."""
-        change = self._unknown[: self._split].reshape(-1, 3)
-        out = self._chain_blocks() + change[:, :, None] * change[:, None]
-        root = np.linalg.cholesky(self._rest)
-        for start in range(0, len(root), CHUNK):
-            # how poses follow the rest, times the root of its covariance
-            part = self._solve_poses(self._across.T @ root[:, start : start + CHUNK]).reshape(len(out), 3, -1)
-            out += part @ part.transpose(0, 2, 1)
-        return out
+    def between(self, first: Ints, second: Ints) -> Array:
+        """(P, 3, 3) cross-covariance of pairs of variables `first` and `second` (P,)."""
+        order = np.argsort(second, kind="stable")
+        out = np.empty((len(order), 3, 3))
+        out[order] = _cross(
+            self._start, self._column, self._own, self._beside, self._at[first[order]], self._at[second[order]]
+        )
+        return np.asarray(out + self._unknown[first][:, :, None] * self._unknown[second][:, None])
 
-    def leverage(self, rows: NDArray[np.int64], probes: int = 8) -> float:
+    def leverage(self, rows: Ints, probes: int = 8) -> float:
         """Degrees of freedom that the solution takes from the Jacobian's `rows`: the trace of J S J^T there.
 
         Estimated with random signs (Hutchinson 1990), from a fixed seed.
@@ -82,41 +86,94 @@ class JointCovariance:
         return float(np.sum(back * self._solve(back)) / probes)
 
     def _solve(self, right: Array) -> Array:
-        """The inverse of the information times `right` (V, n)."""
-        poses = self._solve_poses(right[: self._split])
-        others = self._rest @ (right[self._split :] - self._across @ poses)
-        return np.concatenate([poses - self._solve_poses(self._across.T @ others), others])
-
-    def _solve_poses(self, right: Array) -> Array:
-        return np.asarray(cho_solve_banded((self._root, False), right, check_finite=False))
-
-    def _chain_blocks(self) -> Array:
-        """(N, 3, 3) diagonal blocks of the inverse of the poses' own information, walls held (block tridiagonal)."""
-        own, following = self._blocks(0), self._blocks(3)
-        out = np.array(np.linalg.inv(own[:1]).repeat(len(own), axis=0), dtype=np.float64)
-        for k in range(1, len(own)):
-            out[k] = np.linalg.inv(own[k] - following[k - 1].T @ out[k - 1] @ following[k - 1])
-        for k in range(len(own) - 2, -1, -1):
-            gain = out[k] @ following[k]
-            out[k] += gain @ out[k + 1] @ gain.T
-        return out
-
-    def _blocks(self, shift: int) -> Array:
-        """(N, 3, 3) blocks of the poses' information on the diagonal (shift 0), (N - 1, 3, 3) beside it (shift 3)."""
-        out = np.empty(((self._split - shift) // 3, 3, 3))
-        for i in range(3):
-            for j in range(3):
-                away = abs(shift + j - i)
-                out[:, i, j] = self._band[-1 - away, shift + (j if shift else max(i, j)) :: 3]
-        return out
+        """The inverse of the information times `right` (3V, n)."""
+        columns = right.reshape(len(self._at), 3, -1)
+        ordered = np.empty_like(columns)
+        ordered[self._at] = columns
+        _solve_rows(self._start, self._column, self._own, self._beside, ordered)
+        return np.asarray(ordered[self._at].reshape(right.shape))
 
 
-def _inverse(matrix: Array) -> Array:
-    """Of a positive definite matrix, by its Cholesky factor."""
-    if not len(matrix):
-        return matrix
-    factor, failed = dpotrf(matrix, lower=1)
-    if failed:
-        raise np.linalg.LinAlgError("the information of the walls is not positive definite")
-    inverse, _ = dpotri(factor, lower=1)
-    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)
+@njit(cache=True)
+def _find(column: Ints, low: int, high: int, wanted: int) -> int:
+    """Where the sorted `column` holds what is wanted, between low and high."""
+    while low < high:
+        middle = (low + high) // 2
+        if column[middle] < wanted:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True)
+def _marginals(start: Ints, column: Ints, own: Array, beside: Array) -> Array:
+    """(V, 3, 3) diagonal blocks of (R^T R)^-1, from the last row up; own: inverses of R's diagonal blocks."""
+    out, off = np.zeros_like(own), np.zeros_like(beside)
+    for i in range(len(own) - 1, -1, -1):
+        low, high = start[i], start[i + 1]
+        gain = np.zeros((high - low, 3, 3))
+        for k in range(low, high):
+            gain[k - low] = own[i] @ beside[k]
+        for k in range(low, high):
+            p = column[k]
+            off[k] -= gain[k - low] @ out[p]
+            place = start[p]
+            for m in range(k + 1, high):
+                place = _find(column, place, start[p + 1], column[m])
+                off[k] -= gain[m - low] @ off[place].T
+                off[m] -= gain[k - low] @ off[place]
+        out[i] = own[i] @ own[i].T
+        for k in range(low, high):
+            out[i] -= off[k] @ gain[k - low].T
+        out[i] = (out[i] + out[i].T) / 2
+    return out
+
+
+@njit(cache=True)
+def _cross(start: Ints, column: Ints, own: Array, beside: Array, first: Ints, second: Ints) -> Array:
+    """(P, 3, 3) blocks (first, second) of (R^T R)^-1; pairs sorted by `second`."""
+    count = len(own)
+    out, forward, back = np.empty((len(first), 3, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
+    done, way = np.full(count, -1, np.int64), np.empty(count, np.int64)
+    low = 0
+    while low < len(first):
+        s, high = second[low], low
+        i, forward[s] = s, np.eye(3)
+        while i >= 0:  # R^-T times unit vectors: nothing but the way to the root of the elimination tree
+            forward[i] = own[i].T @ forward[i]
+            for k in range(start[i], start[i + 1]):
+                forward[column[k]] -= beside[k].T @ forward[i]
+            i = column[start[i]] if start[i + 1] > start[i] else -1
+        while high < len(first) and second[high] == s:
+            steps, i = 0, first[high]
+            while i >= 0 and done[i] != s:
+                way[steps], done[i], steps = i, s, steps + 1
+                i = column[start[i]] if start[i + 1] > start[i] else -1
+            for j in range(steps - 1, -1, -1):  # and R^-1 times that, from the root down
+                i = way[j]
+                back[i] = forward[i]
+                for k in range(start[i], start[i + 1]):
+                    back[i] -= beside[k] @ back[column[k]]
+                back[i] = own[i] @ back[i]
+            out[high] = back[first[high]]
+            high += 1
+        i = s
+        while i >= 0:
+            forward[i] = 0.0
+            i = column[start[i]] if start[i + 1] > start[i] else -1
+        low = high
+    return out
+
+
+@njit(cache=True)
+def _solve_rows(start: Ints, column: Ints, own: Array, beside: Array, right: Array) -> None:
+    """Replaces `right` (V, 3, n) by (R^T R)^-1 times it."""
+    for i in range(len(own)):
+        right[i] = own[i].T @ right[i]
+        for k in range(start[i], start[i + 1]):
+            right[column[k]] -= beside[k].T @ right[i]
+    for i in range(len(own) - 1, -1, -1):
+        for k in range(start[i], start[i + 1]):
+            right[i] -= beside[k] @ right[column[k]]
+        right[i] = own[i] @ right[i]

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array, wrap_angle
-from recon.graph.association import GATE, MAX_TURN, NONE, REACH, flatness
+from recon.graph.association import GATE, MAX_TURN, REACH, flatness
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.graph.filter_state import FilterState, Pairing
 from recon.graph.filter_walls import FilterWalls
 from recon.graph.line import FLATNESS, Lines
 from recon.graph.merge import merge_labels
 from recon.graph.motion import Motion, remaining_information
+from recon.graph.nearest import NONE
 from recon.graph.observation import WallObservations
 from recon.graph.odometry import OdometryModel, fit_odometry
 from recon.graph.optimise import EXPECTED
@@ -196,7 +197,8 @@ class _Filter:
     def _merge(self) -> None:
         """Walls that are one become one, of both walls' certainty."""
         state = self._state
-        group = merge_labels(state.walls, state.covariance[3:, 3:])
+        joint = state.covariance[3:, 3:].reshape(len(state), 2, len(state), 2)
+        group = merge_labels(state.walls, lambda first, second: joint[first, :, second])
         kept = np.ones(len(state), np.bool_)
         for label in np.flatnonzero(np.bincount(group) > 1):
             members = np.flatnonzero(group == label)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.graph.association import NONE
 from recon.graph.estimate import WallLine
 from recon.graph.filter_state import FilterState
 from recon.graph.intervals import supported
+from recon.graph.nearest import NONE
 from recon.graph.observation import WallObservations
 from recon.graph.result import LEAST_SIGHTINGS, wall_line
 from recon.model import Source

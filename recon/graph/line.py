@@ -87,7 +87,7 @@ class Lines:
 
 @dataclass(frozen=True)
 class Difference:
-    """How stretches (rows) lie to walls (columns); all (K, W).
+    """How stretches lie to walls; all (K, W) of every one to every other, (K,) of pairs.
 
     along, offset (m): the stretch's middle in the wall's frame. angle (rad): its direction there.
     gap (m): empty distance along the wall between the two, negative where they overlap.
@@ -101,10 +101,19 @@ class Difference:
     @staticmethod
     def between(lines: Lines, walls: Lines) -> Difference:
         """Of every stretch to every wall."""
-        delta = lines.middle[:, None] - walls.middle[None]
-        c, s = np.cos(walls.angle), np.sin(walls.angle)
-        along = delta[..., 0] * c + delta[..., 1] * s
-        offset = -delta[..., 0] * s + delta[..., 1] * c
-        angle = wrap_angle(lines.angle[:, None] - walls.angle[None])
-        reach = walls.half[None] + lines.half[:, None] * np.abs(np.cos(angle))
-        return Difference(along, offset, angle, np.abs(along) - reach)
+        return _difference(lines.middle[:, None], lines.angle[:, None], lines.half[:, None], walls)
+
+    @staticmethod
+    def paired(lines: Lines, walls: Lines) -> Difference:
+        """Of every stretch to the wall of the same row."""
+        return _difference(lines.middle, lines.angle, lines.half, walls)
+
+
+def _difference(middle: Array, direction: Array, half: Array, walls: Lines) -> Difference:
+    delta = middle - walls.middle
+    c, s = np.cos(walls.angle), np.sin(walls.angle)
+    along = delta[..., 0] * c + delta[..., 1] * s
+    offset = -delta[..., 0] * s + delta[..., 1] * c
+    angle = wrap_angle(direction - walls.angle)
+    reach = walls.half + half * np.abs(np.cos(angle))
+    return Difference(along, offset, angle, np.abs(along) - reach)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from recon.graph.association import GATE, MAX_TURN
 from recon.graph.line import FLATNESS, Difference, Lines, carry, squared_distance
 
 Ints = NDArray[np.int64]
+Covariances = Callable[[Ints, Ints], Array]
 
 IN_LINE = 0.002
 """m: flatness of walls on either side of an opening; two door leaves in niches of nearly one depth differ by more."""
@@ -19,54 +22,100 @@ MAX_OFFSET = 1.0
 """m: walls further apart than this, one's middle off the other's line, are not compared."""
 POWER = 0.02
 """m: two pieces are one wall only where a step of a few times this between them would have shown."""
+CHUNK = 500
+"""Walls that are compared with all others at a time."""
 
 
-def merge_labels(walls: Lines, joint: Array) -> Ints:
+def merge_labels(walls: Lines, covariance: Covariances) -> Ints:
     """New label (W,) of every wall, counted from 0; walls that are one share it.
 
-    joint: (2W, 2W) covariance between all walls' (offset, angle). Two walls are the same where the difference between
-    their lines, halfway between them, passes the chi-square test with the exact covariance of that difference and the
-    flatness of walls. Every two pieces of one wall must pass (complete linkage), so that a vague piece between a wall
-    and a recess cannot join the two.
+    covariance: (P, 2, 2) between the (offset, angle) of pairs of walls, rows (P,) and columns (P,). Two walls are the
+    same where the difference between their lines, halfway between them, passes the chi-square test with the exact
+    covariance of that difference and the flatness of walls. Every two pieces of one wall must pass (complete linkage),
+    so that a vague piece between a wall and a recess cannot join the two.
     """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     count = len(walls)
-    apart = Difference.between(walls, walls)
-    row, column = np.nonzero((np.abs(apart.angle) <= MAX_TURN) & (np.abs(apart.offset) <= MAX_OFFSET))
-    gap = apart.gap[row, column]
-    distance, near = np.full((count, count), np.inf), np.zeros((count, count), dtype=bool)
-    distance[row, column], sigma = _compare(walls, apart, joint, row, column)
-    near[row, column] = (gap <= 0) | ((sigma <= POWER) & (gap <= MAX_GAP))
-    compatible = np.maximum(distance, distance.T) <= GATE
-    near &= compatible
-    first, second = np.nonzero(np.triu(near | near.T, 1))
-    order = np.argsort(np.maximum(distance, distance.T)[first, second], kind="stable")
-    label = np.arange(len(walls))
-    for a, b in zip(first[order], second[order], strict=True):
-        left, right = np.flatnonzero(label == label[a]), np.flatnonzero(label == label[b])
-        if label[a] != label[b] and compatible[np.ix_(left, right)].all():
-            label[right] = label[a]
+    first, second = _touching(walls)
+    distance, near = _compare(walls, covariance, first, second)
+    joined = near & (distance <= GATE)
+    links = csr_array((np.ones(joined.sum()), (first[joined], second[joined])), shape=(count, count))
+    parts, found = connected_components(links, directed=False)
+    part = found.astype(np.int64)
+    label = np.arange(count)
+    order = np.flatnonzero(joined)[np.argsort(distance[joined], kind="stable")]
+    for links_of, among in zip(_by_group(part[first[order]], parts), _by_group(part, parts), strict=True):
+        if len(links_of):
+            pairs = np.searchsorted(among, np.stack([first[order[links_of]], second[order[links_of]]], axis=1))
+            label[among] = among[_complete(_compatible(walls, covariance, among), pairs)]
     return np.asarray(np.unique(label, return_inverse=True)[1])
 
 
-def _compare(walls: Lines, apart: Difference, joint: Array, row: Ints, column: Ints) -> tuple[Array, Array]:
-    """Squared distance and sigma of the offset (both (P,)) between pairs of walls, row seen from column."""
-    along, offset, angle = apart.along[row, column], apart.offset[row, column], apart.angle[row, column]
-    row_half, column_half = walls.half[row], walls.half[column]
+def _by_group(group: Ints, groups: int) -> list[Ints]:
+    """Rows of every group, in their order."""
+    return np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group, minlength=groups))[:-1])
+
+
+def _touching(walls: Lines) -> tuple[Ints, Ints]:
+    """Pairs of walls (P,), first < second, that nearly lie in line and touch or leave a gap that an opening may."""
+    pairs = [np.zeros((2, 0), np.int64)]
+    for start in range(0, len(walls), CHUNK):
+        apart = Difference.between(walls[start : start + CHUNK], walls)
+        found = (np.abs(apart.angle) <= MAX_TURN) & (np.abs(apart.offset) <= MAX_OFFSET) & (apart.gap <= MAX_GAP)
+        row, column = np.nonzero(found)
+        row += start
+        pairs.append(np.stack([np.minimum(row, column), np.maximum(row, column)])[:, row != column])
+    first, second = np.unique(np.concatenate(pairs, axis=1), axis=1)
+    return first, second
+
+
+def _compatible(walls: Lines, covariance: Covariances, among: Ints) -> NDArray[np.bool_]:
+    """(n, n) which of the walls `among` (n,) may be one."""
+    row, column = np.triu_indices(len(among), 1)
+    out = np.eye(len(among), dtype=bool)
+    out[row, column] = out[column, row] = _compare(walls, covariance, among[row], among[column])[0] <= GATE
+    return out
+
+
+def _complete(compatible: NDArray[np.bool_], pairs: Ints) -> Ints:
+    """Labels (n,) of complete linkage along `pairs` (P, 2), nearest first."""
+    label = np.arange(len(compatible))
+    for a, b in pairs:
+        left, right = np.flatnonzero(label == label[a]), np.flatnonzero(label == label[b])
+        if label[a] != label[b] and compatible[np.ix_(left, right)].all():
+            label[right] = label[a]
+    return label
+
+
+def _compare(walls: Lines, covariance: Covariances, first: Ints, second: Ints) -> tuple[Array, NDArray[np.bool_]]:
+    """Squared distance (P,) between pairs of walls, and whether they lie near one another, seen from both sides."""
+    cross = covariance(first, second)
+    distance, near = np.zeros(len(first)), np.zeros(len(first), dtype=bool)
+    for row, column, between in ((first, second, cross), (second, first, cross.transpose(0, 2, 1))):
+        apart = Difference.paired(walls[row], walls[column])
+        squared, sigma = _test(walls[row], walls[column], apart, between)
+        squared[(np.abs(apart.angle) > MAX_TURN) | (np.abs(apart.offset) > MAX_OFFSET)] = np.inf
+        distance = np.maximum(distance, squared)
+        near |= np.isfinite(squared) & ((apart.gap <= 0) | ((sigma <= POWER) & (apart.gap <= MAX_GAP)))
+    return distance, near
+
+
+def _test(row: Lines, column: Lines, apart: Difference, cross: Array) -> tuple[Array, Array]:
+    """Squared distance and sigma of the offset (both (P,)) of walls `row` from walls `column`; cross (P, 2, 2)."""
     # the reference is the middle of where the stretches overlap, or of the gap between them
-    in_column = (np.maximum(-column_half, along - row_half) + np.minimum(column_half, along + row_half)) / 2
-    in_row = (in_column - along) * np.cos(angle)
-    blocks = joint.reshape(len(walls), 2, len(walls), 2)
-    to_row, to_column = _lever(in_row), _lever(in_column)
-    cross = to_row @ blocks[row, :, column] @ to_column.transpose(0, 2, 1)
-    spread = carry(blocks[row, :, row], in_row) + carry(blocks[column, :, column], in_column)
-    spread = spread - cross - cross.transpose(0, 2, 1)
+    low, high = np.maximum(-column.half, apart.along - row.half), np.minimum(column.half, apart.along + row.half)
+    in_column = (low + high) / 2
+    in_row = (in_column - apart.along) * np.cos(apart.angle)
+    mixed = _lever(in_row) @ cross @ _lever(in_column).transpose(0, 2, 1)
+    spread = carry(row.covariance, in_row) + carry(column.covariance, in_column) - mixed - mixed.transpose(0, 2, 1)
     sigma = np.sqrt(np.maximum(spread[:, 0, 0], 0))
-    flatness = np.where(apart.gap[row, column] <= 0, FLATNESS, IN_LINE)
+    flatness = np.where(apart.gap <= 0, FLATNESS, IN_LINE)
     spread[:, 0, 0] = sigma**2 + flatness**2
-    spread[:, 1, 1] = (
-        np.maximum(spread[:, 1, 1], 0) + (flatness / np.maximum(np.minimum(row_half, column_half), FLATNESS)) ** 2
-    )
-    return squared_distance(offset + in_row * np.sin(angle), angle, spread), sigma
+    shorter = np.maximum(np.minimum(row.half, column.half), FLATNESS)
+    spread[:, 1, 1] = np.maximum(spread[:, 1, 1], 0) + (flatness / shorter) ** 2
+    return squared_distance(apart.offset + in_row * np.sin(apart.angle), apart.angle, spread), sigma
 
 
 def _lever(along: Array) -> Array:
@@ -80,8 +129,8 @@ def _lever(along: Array) -> Array:
 def join(walls: Lines, label: Ints) -> Lines:
     """One line for every label, fused from its walls by their own covariances, around the middle of their stretch."""
     parts = []
-    for group in range(int(label.max()) + 1 if len(label) else 0):
-        members = walls[label == group]
+    for rows in _by_group(label, int(label.max()) + 1) if len(label) else []:
+        members = walls[rows]
         longest = members[np.array([np.argmax(members.half)])]
         apart = Difference.between(members, longest)
         along, angle = apart.along[:, 0], apart.angle[:, 0]

@@ -52,7 +52,8 @@ def information_beyond_walls(motion: Motion, observations: WallObservations, lab
     total = np.asarray(np.linalg.inv(motion.covariance), dtype=np.float64)
     of_walls = np.zeros_like(total)
     rows = _seen_before(observations, labels)
-    np.add.at(of_walls, observations.pose[rows] - 1, _segment_information(motion, observations, rows))
+    step = observations.pose[rows] - 1
+    np.add.at(of_walls, step, segment_information(motion.relative[step], observations, rows))
     return remaining_information(total, of_walls)
 
 
@@ -75,12 +76,13 @@ def _seen_before(observations: WallObservations, labels: NDArray[np.int64]) -> N
     return lidar[observations.pose[lidar] > first[labels[lidar]]]
 
 
-def _segment_information(motion: Motion, observations: WallObservations, rows: NDArray[np.int64]) -> Array:
-    """(n, 3, 3) information that segments `rows` have about the motion into their scan, in the earlier scan's frame."""
+def segment_information(relative: Array, observations: WallObservations, rows: NDArray[np.int64]) -> Array:
+    """(n, 3, 3) information of segments `rows` (n,) about motions `relative` (n, 3) into their scans, in the frame of
+    the earlier pose, where the walls are known there."""
     ends = observations.endpoints[rows]
     delta = ends[:, 1] - ends[:, 0]
     direction = delta / np.linalg.norm(delta, axis=1, keepdims=True)
-    angle = np.arctan2(delta[:, 1], delta[:, 0]) + motion.relative[observations.pose[rows] - 1, 2]
+    angle = np.arctan2(delta[:, 1], delta[:, 0]) + relative[:, 2]
     jacobian = np.zeros((len(rows), 2, 3))
     jacobian[:, 0, 0], jacobian[:, 0, 1] = -np.sin(angle), np.cos(angle)
     jacobian[:, 0, 2] = np.sum(ends.mean(axis=1) * direction, axis=1)

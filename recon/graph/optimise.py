@@ -3,35 +3,51 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array, between2, wrap_angle
-from recon.graph.covariance import JointCovariance
+from recon.graph.covariance import Covariance
 from recon.graph.line import Lines, squared_distance
 from recon.graph.motion import sqrt_information
 from recon.graph.odometry import OdometryModel
 from recon.graph.problem import Graph, Problem, build
 
+Ints = NDArray[np.int64]
+
 MAX_ITERATIONS = 30
+MOST_LAGS = 10
+"""Segments of a wall over which their errors are followed."""
+LEAST_CORRELATION = 0.05
+"""Correlations below are chance."""
+LEAST_PAIRS = 100
 EXPECTED = 2 * (1 - np.exp(-4.5))
 """Mean of chi-square with two degrees of freedom, clipped at 9."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """poses: (N, 3). walls: (W, 3). covariance: of poses, walls and axes, in this order."""
+    """poses: (N, 3). walls: (W, 3). covariance: of poses, walls, axes and frame, numbered in this order.
+
+    frame: (3,) map_from_survey, the survey counted from the centre of the control points; (0,) without any.
+    """
 
     poses: Array
     walls: Array
-    covariance: JointCovariance
+    covariance: Covariance
     graph: Graph
+    frame: Array
 
-    def between_walls(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> Array:
+    @cached_property
+    def blocks(self) -> Array:
+        """(N + W, 3, 3) marginal covariances of poses and walls, each in its own frame."""
+        return self.covariance.blocks()
+
+    def between_walls(self, first: Ints, second: Ints) -> Array:
         """(P, 2, 2) covariance of the (offset, angle) of walls `first` with those of walls `second`, both (P,)."""
-        rest = self.covariance.rest()
-        return rest.reshape(len(rest) // 3, 3, len(rest) // 3, 3)[first, 1:, second, 1:]
+        return self.covariance.between(len(self.poses) + first, len(self.poses) + second)[:, 1:, 1:]
 
 
 def optimise(problem: Problem, final: bool) -> Solution:
@@ -45,16 +61,16 @@ def optimise(problem: Problem, final: bool) -> Solution:
     parameters.setlambdaInitial(1e-6)
     values = gtsam.LevenbergMarquardtOptimizer(graph.factors, graph.initial, parameters).optimize()
     found = gtsam.utilities.extractPose2(values)  # in order of the keys
-    poses, walls, _ = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
-    covariance = JointCovariance(graph.factors.linearize(values), len(poses), graph.variables)
+    poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
+    covariance = Covariance(graph.factors.linearize(values), graph.variables)
     if problem.odometry is not None:
         covariance.add_unknown(
             _rows(graph, "odometry"), _change_with_scale(problem.odometry), problem.odometry.scale_sigma
         )
-    return Solution(poses, walls, covariance, graph)
+    return Solution(poses, walls, covariance, graph, rest[-1] if problem.control is not None else np.zeros(0))
 
 
-def _rows(graph: Graph, kind: str) -> NDArray[np.int64]:
+def _rows(graph: Graph, kind: str) -> Ints:
     """Rows of the Jacobian that belong to factors of one kind."""
     return np.asarray((3 * graph.rows[kind][:, None] + np.arange(3)).reshape(-1))
 
@@ -69,13 +85,50 @@ def _change_with_scale(odometry: OdometryModel) -> Array:
     return -np.asarray(np.einsum("nij,nj->ni", root, turned)).reshape(-1)
 
 
-def wall_residuals(problem: Problem, solution: Solution) -> Array:
-    """(K,) squared Mahalanobis distance of every observation to its wall."""
+def _off_walls(problem: Problem, solution: Solution) -> tuple[Array, Lines]:
+    """(K, 2) offset (m) and angle (rad) of every observation from its wall, and the observations' lines."""
     lines = Lines.of_observations(problem.observations, solution.poses)
     wall = solution.walls[problem.labels]
     delta = lines.middle - wall[:, :2]
     offset = -delta[:, 0] * np.sin(wall[:, 2]) + delta[:, 1] * np.cos(wall[:, 2])
-    return squared_distance(offset, wrap_angle(lines.angle - wall[:, 2]), lines.covariance)
+    return np.stack([offset, wrap_angle(lines.angle - wall[:, 2])], axis=1), lines
+
+
+def wall_residuals(problem: Problem, solution: Solution) -> Array:
+    """(K,) squared Mahalanobis distance of every observation to its wall."""
+    off, lines = _off_walls(problem, solution)
+    return squared_distance(off[:, 0], off[:, 1], lines.covariance)
+
+
+def repetition(problem: Problem, solution: Solution) -> Array:
+    """(2,) how many LiDAR segments, one after the other on a wall, say the same thing: for offset and for angle.
+
+    A wall that is not quite flat is off the same way in every scan that sees the same stretch of it. The integrated
+    autocorrelation of the residuals along the drive, 1 where they are independent, is summed by pairs of lags while
+    these are positive (Geyer, "Practical Markov Chain Monte Carlo", 1992).
+    """
+    off, lines = _off_walls(problem, solution)
+    lidar = np.flatnonzero(problem.observations.image < 0)
+    order = lidar[np.lexsort((problem.observations.pose[lidar], problem.labels[lidar]))]
+    sigma = np.sqrt(np.diagonal(lines.covariance, axis1=1, axis2=2))
+    residual, wall = np.clip(off / sigma, -3, 3)[order], problem.labels[order]
+    out = np.ones(2)
+    for kind in range(2):
+        some = residual[:, kind]
+        for lag in range(1, MOST_LAGS, 2):
+            both = _correlation(some, wall, lag) + _correlation(some, wall, lag + 1)
+            if both < 2 * LEAST_CORRELATION:
+                break
+            out[kind] += 2 * both
+    return out
+
+
+def _correlation(residual: Array, wall: Ints, lag: int) -> float:
+    """Of residuals (n,), sorted by wall and time, with those `lag` later on the same wall."""
+    same = wall[lag:] == wall[:-lag]
+    if same.sum() < LEAST_PAIRS:
+        return 0.0
+    return float(np.mean((residual[lag:] * residual[:-lag])[same]) / np.mean(residual**2))
 
 
 def variance_factor(problem: Problem, solution: Solution, kind: str) -> float:

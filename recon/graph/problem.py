@@ -6,13 +6,15 @@ Building", 1999). A segment seen from a pose is a between factor without informa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array, wrap_angle
+from recon.graph.closures import Closures, closure_information
+from recon.graph.control import Control, control_factors, fitted_frame
 from recon.graph.line import Lines, carry
 from recon.graph.motion import Motion, information_beyond_walls, sqrt_information
 from recon.graph.observation import WallObservations
@@ -33,7 +35,11 @@ ROBUST = 3.0
 
 @dataclass(frozen=True)
 class Problem:
-    """poses (N, 3) and walls: where the optimisation starts. labels (K,): the wall of every observation, all >= 0."""
+    """poses (N, 3) and walls: where the optimisation starts. labels (K,): the wall of every observation, all >= 0.
+
+    repetition: (2,) variances of LiDAR segments' offset and angle count for so many times as much, since segments of
+    one wall share errors.
+    """
 
     poses: Array
     motion: Motion
@@ -43,11 +49,17 @@ class Problem:
     odometry: OdometryModel | None = None
     axes: tuple[Axis, ...] = ()
     tape: Tape | None = None
+    closures: Closures = field(default_factory=Closures.none)
+    control: Control | None = None
+    repetition: Array = field(default_factory=lambda: np.ones(2))
 
 
 @dataclass(frozen=True)
 class Graph:
-    """A GTSAM graph and its start. Keys: poses 0..N-1, then walls, then axes. rows: factor numbers by kind."""
+    """A GTSAM graph and its start. Keys: poses 0..N-1, then walls, axes and the survey's frame, where there is one.
+
+    rows: factor numbers by kind.
+    """
 
     factors: Any
     initial: Any
@@ -91,19 +103,29 @@ def build(problem: Problem, redescending: bool) -> Graph:
     information = information_beyond_walls(problem.motion, problem.observations, problem.labels)
     root = sqrt_information(problem.motion.relative, information)
     cauchy, huber = gtsam.noiseModel.mEstimator.Cauchy.Create(ROBUST), gtsam.noiseModel.mEstimator.Huber.Create(ROBUST)
-    rows["motion"] = _between(factors, earlier, earlier + 1, problem.motion.relative, root, cauchy)
+    # the chain must not break: with a loss that lets go, badly associated walls tear poses out of it
+    rows["motion"] = _between(factors, earlier, earlier + 1, problem.motion.relative, root, huber)
     if problem.odometry is not None:
         some = np.flatnonzero(problem.odometry.inside)
         relative, covariance = problem.odometry.motion.relative[some], problem.odometry.motion.covariance[some]
         root = sqrt_information(relative, np.asarray(np.linalg.inv(covariance)))
         rows["odometry"] = _between(factors, some, some + 1, relative, root, cauchy)
+    if len(problem.closures):
+        again = problem.closures
+        information = closure_information(again, problem.observations, problem.labels, poses)
+        root = sqrt_information(again.relative, information)
+        rows["closure"] = _between(factors, again.first, again.second, again.relative, root, cauchy)
     _add_walls(factors, problem, rows, cauchy if redescending else huber)
     _add_axes(factors, problem, rows, cauchy)
     if problem.tape is not None:
         pairs, spans = tape_spans(problem.tape, problem.walls, walls)
         keys, trusted = len(poses) + pairs, gtsam.noiseModel.mEstimator.Huber.Create(TAPE_ROBUST)
         rows["tape"] = _between(factors, keys[:, 0], keys[:, 1], *tape_factors(spans, problem.tape), trusted)
-    return Graph(factors, initial, rows, len(poses) + len(walls) + len(problem.axes))
+    count = len(poses) + len(walls) + len(problem.axes)
+    if problem.control is not None:
+        _add_control(factors, initial, problem, rows, count)
+        count += 1
+    return Graph(factors, initial, rows, count)
 
 
 def _add_walls(factors: Any, problem: Problem, rows: dict[str, Ints], loss: Any) -> None:
@@ -111,7 +133,10 @@ def _add_walls(factors: Any, problem: Problem, rows: dict[str, Ints], loss: Any)
 
     observations, labels, walls = problem.observations, problem.labels, problem.walls.pose
     seen_from = problem.poses[observations.pose]
-    measured, root = wall_measurements(Lines.of_observations(observations, problem.poses), seen_from, walls[labels])
+    lines, often = Lines.of_observations(observations, problem.poses), np.sqrt(problem.repetition)
+    wider = np.where((observations.image < 0)[:, None, None], often[:, None] * often, 1.0)
+    lines = replace(lines, covariance=lines.covariance * wider)
+    measured, root = wall_measurements(lines, seen_from, walls[labels])
     for kind, chosen in (("lidar", observations.image < 0), ("image", observations.image >= 0)):
         k = np.flatnonzero(chosen)
         keys = len(problem.poses) + labels[k]
@@ -139,14 +164,31 @@ def _add_axes(factors: Any, problem: Problem, rows: dict[str, Ints], loss: Any) 
         rows["relation"] = np.concatenate(numbers)
 
 
+def _add_control(factors: Any, initial: Any, problem: Problem, rows: dict[str, Ints], key: int) -> None:
+    """The survey's frame, and a tie from it to the pose of every mark and to both walls of every corner."""
+    import gtsam
+
+    control, poses, walls = problem.control, problem.poses, problem.walls.pose
+    if control is None:
+        return
+    pairs = control.landmarks(problem.walls)
+    frame = fitted_frame(control, control.places(poses, walls, pairs))
+    initial.insert(key, gtsam.Pose2(*frame))
+    scans, corners, relative, root = control_factors(control, frame, poses, walls, pairs)
+    first = np.concatenate([np.full(len(scans), key), len(poses) + corners])
+    second = np.concatenate([scans, np.full(len(corners), key)])
+    rows["control"] = _between(factors, first, second, relative, root, None)
+
+
 def _between(factors: Any, first: Ints, second: Ints, relative: Array, root: Array, loss: Any) -> Ints:
-    """Adds one between factor a row; returns their numbers in the graph."""
+    """Adds one between factor a row, with a `loss` or None; returns their numbers in the graph."""
     from gtsam import BetweenFactorPose2, Pose2, noiseModel
 
     start, add = factors.size(), factors.add
     gaussian, robust = noiseModel.Gaussian.SqrtInformation, noiseModel.Robust.Create
     for a, b, (x, y, yaw), r in zip(first.tolist(), second.tolist(), relative.tolist(), root, strict=True):
-        add(BetweenFactorPose2(a, b, Pose2(x, y, yaw), robust(loss, gaussian(r, False))))
+        noise = gaussian(r, False)
+        add(BetweenFactorPose2(a, b, Pose2(x, y, yaw), noise if loss is None else robust(loss, noise)))
     return np.arange(start, factors.size())
 
 

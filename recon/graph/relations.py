@@ -31,6 +31,8 @@ MAJORITY = 0.7
 SUPPORT = 0.25
 """Part of all walls, by length, that an axis must have."""
 MIN_WALLS = 3
+COMPARED = 300
+"""Walls, the longest, with which all others are compared: a building has few directions, however many walls."""
 
 
 @dataclass(frozen=True)
@@ -46,48 +48,60 @@ class Axis:
     scatter: float
 
 
-def find_axes(angles: Array, joint: Array, lengths: Array) -> list[Axis]:
-    """Axes of a building from wall angles (W,) rad, their joint covariance (W, W) and lengths (W,) m."""
-    difference = _fold(angles[:, None] - angles[None])
-    variance = np.maximum(np.diag(joint)[:, None] + np.diag(joint)[None] - 2 * joint, 0)
+def longest(lengths: Array) -> Ints:
+    """The walls (K,), at most `COMPARED`, in order of their numbers, with which all walls are compared."""
+    return np.sort(np.argsort(-lengths, kind="stable")[:COMPARED])
+
+
+def find_axes(angles: Array, sigma: Array, joint: Array, lengths: Array) -> list[Axis]:
+    """Axes of a building from wall angles (W,) rad with their deviations (W,), and lengths (W,) m.
+
+    joint: (W, K) covariance of all walls' angles with those of the `longest` walls, which found the axes.
+    """
+    among = longest(lengths)
+    difference = _fold(angles[:, None] - angles[among])
+    variance = np.maximum(sigma[:, None] ** 2 + sigma[among] ** 2 - 2 * joint, 0)
     sharp = variance <= POWER**2
-    np.fill_diagonal(sharp, False)
+    sharp[among, np.arange(len(among))] = False
     agrees = sharp & (np.abs(difference) <= SIGMAS * np.sqrt(variance + 2 * SCATTER**2))
     free = np.ones(len(angles), dtype=bool)
     axes = []
-    while free.any():
-        group = _grow(agrees & free & free[:, None], sharp, lengths)
+    while free[among].any():
+        group = _grow(agrees & free[among] & free[:, None], sharp, lengths, among)
         if len(group) < MIN_WALLS or lengths[group].sum() < SUPPORT * lengths.sum():
             break
-        axes.append(_fit(group, angles, joint, lengths))
+        axes.append(_fit(group, among, angles, joint, lengths))
         free[group] = False
     return axes
 
 
-def _grow(agrees: Bools, sharp: Bools, lengths: Array) -> Ints:
-    """The walls that share an axis with the wall that most others, by length, agree with."""
-    seed = int(np.argmax((agrees @ lengths) * agrees.any(axis=1)))
+def _grow(agrees: Bools, sharp: Bools, lengths: Array, among: Ints) -> Ints:
+    """The walls that share an axis with the wall `among` the longest that most others, by length, agree with."""
+    seed = among[np.argmax((lengths @ agrees) * agrees.any(axis=0))]
     member = np.zeros(len(lengths), dtype=bool)
     member[seed] = True
     while True:
-        weight = np.where(member, lengths, 0.0)
+        weight = np.where(member, lengths, 0.0)[among]
         for_it, tested = agrees @ weight, sharp @ weight
         new = ~member & (for_it > 0) & (for_it >= MAJORITY * tested)
-        if not new.any():
-            return np.flatnonzero(member)
+        if not new[among].any():
+            return np.flatnonzero(member | new)
         # the best supported first: it may decide about the others
-        member[np.argmax(np.where(new, for_it, 0.0))] = True
+        member[among[np.argmax(np.where(new, for_it, 0.0)[among])]] = True
 
 
-def _fit(group: Ints, angles: Array, joint: Array, lengths: Array) -> Axis:
-    """Axis of the walls `group`: their mean weighted by length, and the scatter beyond what was measured."""
-    reference = angles[group[np.argmax(lengths[group])]]
-    weight = lengths[group] / lengths[group].sum()
+def _fit(group: Ints, among: Ints, angles: Array, joint: Array, lengths: Array) -> Axis:
+    """Axis of the walls `group`: mean of the longest weighted by length, and their scatter beyond what was measured."""
+    column = np.flatnonzero(np.isin(among, group))
+    base = among[column]
+    reference = angles[base[np.argmax(lengths[base])]]
+    weight = lengths[base] / lengths[base].sum()
     away = _fold(angles[group] - reference)
-    mean = float(weight @ away)
-    centre = np.eye(len(group)) - weight[None]
-    measured = np.diag(centre @ joint[np.ix_(group, group)] @ centre.T)
-    excess = float(np.mean((away - mean) ** 2 - measured))
+    seen = _fold(angles[base] - reference)
+    mean = float(weight @ seen)
+    centre = np.eye(len(base)) - weight[None]
+    measured = np.diag(centre @ joint[np.ix_(base, column)] @ centre.T)
+    excess = float(np.mean((seen - mean) ** 2 - measured))
     turns = np.round((angles[group] - reference - away) / QUARTER).astype(np.int64)
     scatter = float(np.clip(np.sqrt(max(excess, 0.0)), MIN_SCATTER, MAX_SCATTER))
     return Axis(group, turns, float(reference + mean), scatter)

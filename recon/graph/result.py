@@ -42,20 +42,16 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
     fits = wall_residuals(problem, solution) <= GATE
     labels = np.where(fits, problem.labels, -1)
     scans, images = sightings(labels, problem.observations, len(solution.walls), len(poses))
-    rest = solution.covariance.rest()
+    blocks = solution.blocks
     need = min(LEAST_SIGHTINGS, len(poses))
+    of_wall = np.split(np.argsort(labels, kind="stable"), np.cumsum(np.bincount(labels + 1, minlength=len(scans) + 1)))
     walls, numbers, middles = [], [], []
     for number in np.flatnonzero((scans >= need) | (images >= LEAST_SIGHTINGS)):
-        rows = np.flatnonzero(labels == number)
-        intervals = _intervals(problem.observations, rows, poses, solution.walls[number])
+        intervals = _intervals(problem.observations, of_wall[number + 1], poses, solution.walls[number])
         if len(intervals):
             source: Source = "lidar" if scans[number] >= need else "image"
-            seen = int(scans[number] + images[number])
-            walls.append(
-                wall_line(
-                    solution.walls[number], rest[3 * number + 1 :, 3 * number + 1 :][:2, :2], intervals, source, seen
-                )
-            )
+            spread, seen = blocks[len(poses) + number, 1:, 1:], int(scans[number] + images[number])
+            walls.append(wall_line(solution.walls[number], spread, intervals, source, seen))
             numbers.append(number)
             middles.append((intervals[0, 0] + intervals[-1, 1]) / 2)
     scale = None if problem.odometry is None else problem.odometry.scale
@@ -63,7 +59,7 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
     chosen = np.isin([id(wall) for wall in walls], [id(wall) for wall in kept])
     return MapEstimate(
         Trajectory(np.asarray(timestamps, dtype=np.float64), poses),
-        pose_sigmas(solution),
+        pose_sigmas(poses, blocks[: len(poses)]),
         kept,
         scale,
         residuals(problem, solution),
@@ -92,10 +88,12 @@ def wall_line(pose: Array, covariance: Array, intervals: Array, source: Source, 
     return WallLine(moved, intervals - middle, float(sigma_offset), float(sigma_angle), source, seen)
 
 
-def pose_sigmas(solution: Solution) -> Array:
-    """(N, 3) standard deviations of x, y (m, along the map's axes) and yaw (rad), relative to the first pose."""
-    blocks = solution.covariance.poses()
-    c, s = np.cos(solution.poses[:, 2]), np.sin(solution.poses[:, 2])
+def pose_sigmas(poses: Array, blocks: Array) -> Array:
+    """(N, 3) standard deviations of x, y (m, along the map's axes) and yaw (rad), relative to the first pose.
+
+    blocks: (N, 3, 3) covariances of the poses, each in its own frame.
+    """
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
     position = turn @ blocks[:, :2, :2] @ turn.transpose(0, 2, 1)
     variance = np.stack([position[:, 0, 0], position[:, 1, 1], blocks[:, 2, 2]], axis=1)

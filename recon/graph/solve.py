@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.config import GraphConfig
 from recon.geometry import Array
-from recon.graph.association import NONE, Drift, assign, track
-from recon.graph.estimate import MapEstimate
+from recon.graph.association import Drift, assign, track
+from recon.graph.closures import Closures
+from recon.graph.control import Control, agreeing, places_covariance, survey_of
+from recon.graph.estimate import MapEstimate, Survey
 from recon.graph.line import Lines
 from recon.graph.merge import join, merge_labels
 from recon.graph.motion import Motion
+from recon.graph.nearest import NONE
 from recon.graph.observation import WallObservations
 from recon.graph.odometry import OdometryModel, fit_odometry
-from recon.graph.optimise import Solution, optimise, variance_factor
+from recon.graph.optimise import Solution, optimise, repetition, variance_factor
 from recon.graph.problem import Problem
-from recon.graph.relations import Axis, find_axes
+from recon.graph.relations import Axis, find_axes, longest
 from recon.graph.result import LEAST_SIGHTINGS, map_estimate, sightings
 from recon.graph.tape import Tape
 from recon.sequence.trajectory import Trajectory
@@ -28,11 +31,16 @@ Ints = NDArray[np.int64]
 
 REFINEMENTS = 2
 """Solutions between the first, from walls grown along the drive, and the last, with right angles."""
+SURVEYED = 2
+"""Solutions with control points."""
 
 
 @dataclass(frozen=True)
 class _State:
-    """Where the rounds stand. labels (K,): the wall of every observation or NONE; variance (K,): its factor."""
+    """Where the rounds stand. labels (K,): the wall of every observation or NONE; variance (K,): its factor.
+
+    repetition (2,): see Problem.
+    """
 
     poses: Array
     walls: Lines
@@ -40,6 +48,16 @@ class _State:
     variance: Array
     odometry: OdometryModel | None = None
     axes: tuple[Axis, ...] = ()
+    repetition: Array = field(default_factory=lambda: np.ones(2))
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What is measured, and stays as it is."""
+
+    motion: Motion
+    observations: WallObservations
+    closures: Closures
 
 
 def solve_graph(
@@ -48,8 +66,9 @@ def solve_graph(
     observations: WallObservations,
     odometry: Trajectory | None = None,
     config: GraphConfig | None = None,
-    closed: bool = False,
+    closures: Closures | None = None,
     tape: Tape | None = None,
+    control: Control | None = None,
 ) -> MapEstimate:
     """Poses at every scan and wall lines, with covariances, from one factor graph.
 
@@ -57,14 +76,17 @@ def solve_graph(
     scan matches. observations: segments with `pose` in [0, N). odometry: on its own clock ticks, fused with its scale
     and noise estimated. First walls grow along the drive; after a solution those that are one are merged and
     everything is associated anew with the better poses, twice. The first solution, without odometry, tells how good
-    odometry and segments are; the second tells which walls are square. closed: the trajectory is right wherever a place
-    is visited again; then walls of all visits are associated from the start. tape: distances between walls measured by
-    hand, which the last solution keeps to; raises InputError where it does not know those walls.
+    odometry and segments are; the second tells which walls are square. closures: places visited again; the trajectory
+    agrees with them already, so that walls of all visits are associated from the start. tape: distances between walls
+    measured by hand, which the last solution keeps to; control: surveyed points, likewise. Raises InputError where it
+    does not know their walls.
     """
     config = config or GraphConfig()
-    drift = Drift.solved(len(trajectory)) if closed else Drift.of_motion(motion, trajectory.poses)
+    closures = closures or Closures.none()
+    drift = Drift.solved(len(trajectory)) if len(closures) else Drift.of_motion(motion, trajectory.poses)
     state = _start(trajectory, drift, observations)
-    problem, solution = _solve(state, motion, observations)
+    given = _Given(motion, observations, closures)
+    problem, solution = _solve(state, given)
     state = _merged(state, solution)
     if odometry is not None and len(motion):
         solved = Trajectory(trajectory.timestamps, solution.poses)
@@ -73,14 +95,37 @@ def solve_graph(
 
     for _ in range(REFINEMENTS):
         state = _drop_rare(_grown(_reassigned(state, observations), observations), observations)
-        problem, solution = _solve(replace(state, axes=()), motion, observations)
+        problem, solution = _solve(replace(state, axes=()), given)
         if config.manhattan:
             state = replace(state, axes=_axes(state, solution))
         state = _rescaled(_merged(state, solution), problem, solution, observations)
 
     state = _drop_rare(_reassigned(state, observations), observations)
-    problem, solution = _solve(state, motion, observations, final=True, tape=tape)
-    return map_estimate(trajectory.timestamps, problem, solution)
+    problem, solution = _solve(state, given, final=True, tape=tape)
+    if control is None:
+        return map_estimate(trajectory.timestamps, problem, solution)
+    problem, solution, survey = _surveyed(state, given, problem, solution, control)
+    return replace(map_estimate(trajectory.timestamps, problem, solution), survey=survey)
+
+
+def _surveyed(
+    state: _State, given: _Given, problem: Problem, solution: Solution, control: Control
+) -> tuple[Problem, Solution, Survey]:
+    """The solution once more, with the control points that agree with it and one another.
+
+    Twice: a drive that the points have straightened shows as one wall what was several.
+    """
+    pairs, tape = control.landmarks(problem.walls), problem.tape
+    places = control.places(solution.poses, solution.walls, pairs)
+    spread = places_covariance(control, solution.poses, solution.walls, pairs, solution.covariance)
+    kept, off = agreeing(control, places, spread)
+    for _ in range(SURVEYED):
+        control = control.moved(problem.walls, solution.walls)
+        tape = None if tape is None else tape.moved(problem.walls, solution.walls)
+        state = _drop_rare(_reassigned(_merged(state, solution), given.observations), given.observations)
+        problem, solution = _solve(state, given, final=True, tape=tape, control=control.only(kept))
+    places = control.places(solution.poses, solution.walls, control.landmarks(problem.walls))
+    return problem, solution, survey_of(control, kept, off, places, solution.frame, solution.blocks[-1])
 
 
 def _start(trajectory: Trajectory, drift: Drift, observations: WallObservations) -> _State:
@@ -92,27 +137,28 @@ def _start(trajectory: Trajectory, drift: Drift, observations: WallObservations)
 
 
 def _solve(
-    state: _State, motion: Motion, observations: WallObservations, final: bool = False, tape: Tape | None = None
+    state: _State, given: _Given, final: bool = False, tape: Tape | None = None, control: Control | None = None
 ) -> tuple[Problem, Solution]:
-    used = np.flatnonzero(state.labels != NONE)
+    used, observations = np.flatnonzero(state.labels != NONE), given.observations
     scaled = WallObservations(
         observations.pose[used],
         observations.endpoints[used],
         observations.covariance[used] * state.variance[used, None, None],
         observations.image[used],
     )
-    problem = Problem(state.poses, motion, scaled, state.labels[used], state.walls, state.odometry, state.axes, tape)
+    problem = Problem(
+        state.poses, given.motion, scaled, state.labels[used], state.walls, state.odometry, state.axes, tape,
+        given.closures, control, state.repetition if final else np.ones(2),
+    )  # fmt: skip
     return problem, optimise(problem, final)
 
 
 def _merged(state: _State, solution: Solution) -> _State:
     """The state with the solution's poses and walls, those that are one wall made one."""
     count = len(state.walls)
-    index = (3 * np.arange(count)[:, None] + np.array([1, 2])).reshape(-1)
-    joint = solution.covariance.rest()[np.ix_(index, index)]
-    blocks = joint.reshape(count, 2, count, 2)[np.arange(count), :, np.arange(count)]
-    walls = Lines(solution.walls[:, :2], solution.walls[:, 2], state.walls.half, blocks.reshape(count, 2, 2))
-    group = merge_labels(walls, joint)
+    blocks = solution.blocks[len(solution.poses) :][:count, 1:, 1:]
+    walls = Lines(solution.walls[:, :2], solution.walls[:, 2], state.walls.half, blocks)
+    group = merge_labels(walls, solution.between_walls)
     labels = np.where(state.labels == NONE, NONE, group[state.labels]) if count else state.labels
     axes = tuple(_renumbered(axis, group) for axis in state.axes)
     return replace(state, poses=solution.poses, walls=join(walls, group), labels=labels, axes=axes)
@@ -126,15 +172,18 @@ def _renumbered(axis: Axis, number: Ints) -> Axis:
 
 
 def _axes(state: _State, solution: Solution) -> tuple[Axis, ...]:
-    index = 3 * np.arange(len(state.walls)) + 2
-    joint = solution.covariance.rest()[np.ix_(index, index)]
-    return tuple(find_axes(solution.walls[:, 2], joint, 2 * state.walls.half))
+    lengths, count = 2 * state.walls.half, len(state.walls)
+    among = longest(lengths)
+    pairs = solution.between_walls(np.repeat(np.arange(count), len(among)), np.tile(among, count))
+    sigma = np.sqrt(solution.blocks[len(solution.poses) :][:count, 2, 2])
+    return tuple(find_axes(solution.walls[:, 2], sigma, pairs[:, 1, 1].reshape(count, len(among)), lengths))
 
 
 def _rescaled(state: _State, problem: Problem, solution: Solution, observations: WallObservations) -> _State:
     """Covariances of LiDAR and of image segments multiplied by the variance that the solution found."""
     lidar, image = (variance_factor(problem, solution, kind) for kind in ("lidar", "image"))
-    return replace(state, variance=state.variance * np.where(observations.image < 0, lidar, image))
+    variance = state.variance * np.where(observations.image < 0, lidar, image)
+    return replace(state, variance=variance, repetition=repetition(problem, solution))
 
 
 def _reassigned(state: _State, observations: WallObservations) -> _State:

@@ -17,23 +17,27 @@ from recon.cli.options import PATH, examples, verbosity
         "recon eval drive/ model.recon/",
         "recon eval drive/ model.recon/ --json scores.json",
         "recon eval drive/ model.recon/ --plot drive.png",
+        "recon eval drive/ model.recon/ --pictures worst/",
     ),
 )
 @click.argument("sequence", type=PATH)
 @click.argument("result", type=PATH)
 @click.option("--json", "json_file", type=PATH, help="Write the numbers here too; - prints them instead of the table.")
 @click.option("--plot", type=PATH, help="Draw trajectory, walls, loop closures and errors: .png, .svg or .pdf.")
+@click.option("--pictures", type=PATH, help="Folder for pictures of the images whose labels are the least right.")
 @verbosity
-def evaluate(sequence: Path, result: Path, json_file: Path | None, plot: Path | None, quiet: bool) -> None:
+def evaluate(
+    sequence: Path, result: Path, json_file: Path | None, plot: Path | None, pictures: Path | None, quiet: bool
+) -> None:
     """Compares the RESULT folder of a build with the ground truth of its SEQUENCE folder."""
     from recon.cli.outputs import check_writable
     from recon.drawing import check_suffix
+    from recon.evaluate import confusion_pictures, plot_result
     from recon.evaluate import evaluate as compare
-    from recon.evaluate import plot_result
     from recon.files import atomic_path
 
     to_stdout = json_file == Path("-")
-    for path in (None if to_stdout else json_file, plot):
+    for path in (None if to_stdout else json_file, plot, pictures):
         if path is not None:
             check_writable(path)
     if plot is not None:
@@ -42,6 +46,8 @@ def evaluate(sequence: Path, result: Path, json_file: Path | None, plot: Path | 
     text = json.dumps(evaluation.to_json(), indent=1)
     if plot is not None:
         plot_result(sequence, result, plot)
+    if pictures is not None:
+        confusion_pictures(sequence, result, pictures)
     if to_stdout:
         click.echo(text)
         return

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from recon.errors import InputError
+from recon.evaluate.confusion import write_confusions
 from recon.evaluate.extrinsics import ExtrinsicsErrors, extrinsics_errors
 from recon.evaluate.labels import LabelScores, label_scores
 from recon.evaluate.layout import LayoutScores, layout_scores
@@ -16,6 +17,7 @@ from recon.evaluate.walls import WallScores, wall_scores
 from recon.results.reader import load_layout
 from recon.sequence.extrinsics import read_extrinsics
 from recon.sequence.groundtruth import GroundTruth, read_groundtruth
+from recon.sequence.images import read_image_list
 from recon.sequence.tum import read_planar
 
 
@@ -99,6 +101,7 @@ class Evaluation:
         return [
             ("classification accuracy", f"{s.accuracy:.2%} over {s.images} images, {s.median_image:.2%} in the median"),
             ("worst images", worst),
+            ("wrong pixels", ", ".join(f"{share:.2%} {name}" for name, share in list(s.wrong.items())[:4]) or "none"),
         ]
 
 
@@ -119,7 +122,7 @@ def evaluate(sequence: Path, result: Path) -> Evaluation:
         scores = layout_scores(layout, truth.layout)
         if layout.ceiling_height is not None and truth.layout.ceiling_height is not None:
             ceiling = layout.ceiling_height - truth.layout.ceiling_height
-    labels = label_scores(_label_pairs(truth, result))
+    labels = label_scores(label_pairs(truth, result))
     evaluation = Evaluation(trajectory, relations, pose, walls, scores, ceiling, labels)
     if all(part is None for part in (trajectory, relations, pose, walls, labels)):
         raise InputError(f"{sequence / 'groundtruth'}: holds nothing that can be compared")
@@ -141,8 +144,15 @@ def _motion_errors(
     return errors, replace(relation_errors(estimate, truth.relations, odometry), clock=used)
 
 
-def _label_pairs(truth: GroundTruth, result: Path) -> list[tuple[Path, Path]]:
-    """Label images that both the result and the ground truth hold."""
+def confusion_pictures(sequence: Path, result: Path, folder: Path) -> list[Path]:
+    """Pictures of the images whose labels are the least right, as `write_confusions`; none without true labels."""
+    listed = sequence / "images.txt"
+    images = {path.stem: path for path in read_image_list(listed).paths} if listed.is_file() else {}
+    return write_confusions(label_pairs(read_groundtruth(sequence), result), images, folder)
+
+
+def label_pairs(truth: GroundTruth, result: Path) -> list[tuple[Path, Path]]:
+    """Label images (estimate, truth) that both the result and the ground truth hold."""
     if truth.labels is None:
         return []
     found = sorted((result / "labels").glob("*.png"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -13,16 +13,23 @@ from recon.errors import InputError
 
 UNLABELLED, CEILING, FIRST_WALL = 0, 2, 10
 MAX_LABEL = 4096
+OBJECT = 3
+NAMES = {UNLABELLED: "unlabelled", 1: "floor", CEILING: "ceiling", OBJECT: "object"}
 
 
 @dataclass(frozen=True)
 class LabelScores:
-    """accuracy over all scored pixels; worst: (stem, accuracy) of the five worst images."""
+    """accuracy over all scored pixels; worst: (stem, accuracy) of the five worst images.
+
+    wrong: shares of the scored pixels by mistake, "floor as wall" and so on, the largest first; they add up to
+    1 - accuracy. A wall taken for one that it is not is "wall as another wall".
+    """
 
     images: int
     accuracy: float
     median_image: float
     worst: tuple[tuple[str, float], ...]
+    wrong: dict[str, float] = field(default_factory=dict)
 
 
 def label_scores(pairs: list[tuple[Path, Path]]) -> LabelScores | None:
@@ -35,9 +42,7 @@ def label_scores(pairs: list[tuple[Path, Path]]) -> LabelScores | None:
     if not pairs:
         return None
     confusions = [_confusion(*pair) for pair in pairs]
-    total = np.zeros((MAX_LABEL, MAX_LABEL), np.int64)
-    for rows, columns, counts in confusions:
-        total[rows, columns] += counts
+    total = _total(confusions)
     meaning = _meaning(total)
     accuracies = []
     right = scored = 0
@@ -48,12 +53,39 @@ def label_scores(pairs: list[tuple[Path, Path]]) -> LabelScores | None:
         accuracies.append(good / all_pixels if all_pixels else 1.0)
     order = np.argsort(accuracies, kind="stable")[:5]
     worst = tuple((pairs[i][1].stem, float(accuracies[i])) for i in order)
-    return LabelScores(len(pairs), right / max(scored, 1), float(np.median(accuracies)), worst)
+    wrong = _mistakes(total, meaning)
+    return LabelScores(len(pairs), right / max(scored, 1), float(np.median(accuracies)), worst, wrong)
 
 
-def _confusion(estimate: Path, truth: Path) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def wall_meaning(pairs: list[tuple[Path, Path]]) -> NDArray[np.int64]:
+    """(MAX_LABEL,) the true label that each estimated one stands for over the drive, -1 for none; as `label_scores`."""
+    return _meaning(_total([_confusion(*pair) for pair in pairs]))
+
+
+Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
+
+
+def _total(confusions: list[Counts]) -> NDArray[np.int64]:
+    total = np.zeros((MAX_LABEL, MAX_LABEL), np.int64)
+    for rows, columns, counts in confusions:
+        total[rows, columns] += counts
+    return total
+
+
+def _mistakes(total: NDArray[np.int64], meaning: NDArray[np.int64]) -> dict[str, float]:
+    rows, columns = np.nonzero(total)
+    shares: dict[str, float] = {}
+    for mine, true in zip(rows.tolist(), columns.tolist(), strict=True):
+        if meaning[mine] != true:
+            both_walls = min(mine, true) >= FIRST_WALL
+            name = f"{NAMES.get(true, 'wall')} as {'another wall' if both_walls else NAMES.get(mine, 'wall')}"
+            shares[name] = shares.get(name, 0.0) + float(total[mine, true] / total.sum())
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+def _confusion(estimate: Path, truth: Path) -> Counts:
     """Estimated labels, true labels and their pixel counts, where the truth is scored."""
-    mine, theirs = _read(estimate), _read(truth)
+    mine, theirs = read_label_image(estimate), read_label_image(truth)
     if mine.shape != theirs.shape:
         raise InputError(f"{estimate}: is {mine.shape[1]} x {mine.shape[0]} pixels, {truth} is "
                          f"{theirs.shape[1]} x {theirs.shape[0]}")  # fmt: skip
@@ -63,7 +95,8 @@ def _confusion(estimate: Path, truth: Path) -> tuple[NDArray[np.int64], NDArray[
     return keys // MAX_LABEL, keys % MAX_LABEL, counts
 
 
-def _read(path: Path) -> NDArray[np.uint16]:
+def read_label_image(path: Path) -> NDArray[np.uint16]:
+    """Labels (H, W); raises InputError for anything but one channel of labels below MAX_LABEL."""
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if image is None or image.ndim != 2:
         raise InputError(f"{path}: is no single-channel PNG")

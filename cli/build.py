@@ -13,8 +13,8 @@ from recon.cli.options import PATH, configuration, examples, resolve_config, top
 
 if TYPE_CHECKING:
     from recon.config import Config
+    from recon.measured import Measured
     from recon.sequence.sequence import Sequence
-    from recon.tape import TapeMeasures
 
 
 @click.command(
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         "recon build drive/ -o model.glb -o plan.dxf -o plan.svg",
         "recon build drive.bag -o model.usd --scan-topic /front/scan",
         "recon build drive/ -o model.usd --tape tape.csv   (walls by their ids in layout.json)",
+        "recon build drive/ -o model.usd --control marks.csv --control corners.csv",
         "recon build drive/ --work result.recon --config site.toml --seed 7",
     ),
 )
@@ -40,6 +41,12 @@ if TYPE_CHECKING:
 @topic_choice
 @click.option("--backend", type=click.Choice(["graph", "ekf"]), help="Factor graph (default), or the paper's filter.")
 @click.option("--tape", type=PATH, help="CSV of distances measured by hand: wall_a,wall_b,distance,sigma.")
+@click.option(
+    "--control",
+    type=PATH,
+    multiple=True,
+    help="CSV of surveyed points: time,x,y,sigma or wall_a,wall_b,x,y,sigma; may be repeated.",
+)
 @configuration
 @verbosity
 def build(
@@ -52,6 +59,7 @@ def build(
     odom_topic: str | None,
     backend: Literal["graph", "ekf"] | None,
     tape: Path | None,
+    control: tuple[Path, ...],
     config_file: Path | None,
     seed: int | None,
     workers: int | None,
@@ -63,7 +71,9 @@ def build(
     textures and a report, from which other formats can be exported later.
     """
     from recon.cli.outputs import work_folder
+    from recon.control import read_control
     from recon.exporters import check_outputs
+    from recon.measured import Measured
     from recon.sequence.open import open_sequence
     from recon.sequence.topics import Topics
     from recon.tape import read_tape
@@ -75,30 +85,30 @@ def build(
         config = replace(config, graph=replace(config.graph, backend=backend))
     check_outputs(list(outputs))
     folder = work_folder(outputs, work)
-    measures = None if tape is None else read_tape(tape)
+    measured = Measured(read_tape(tape) if tape else None, read_control(control) if control else None)
     drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))
     for message in drive.warnings:
         warn(message, quiet)
-    _build(drive, config, measures, folder, outputs, quiet)
+    _build(drive, config, measured, folder, outputs, quiet)
 
 
 def _build(
     drive: Sequence,
     config: Config,
-    tape: TapeMeasures | None,
+    measured: Measured,
     folder: Path,
     outputs: tuple[Path, ...],
     quiet: bool,
 ) -> None:
     """The work; its imports take seconds and come after everything that is quickly refused."""
     from recon.cli.progress import terminal_progress
-    from recon.cli.summary import summary
+    from recon.cli.summary import by_hand, summary
     from recon.exporters import export
     from recon.pipeline import build as build_model
     from recon.results import save_result
 
     progress = terminal_progress(quiet)
-    result = build_model(drive, config, progress, tape)
+    result = build_model(drive, config, progress, measured)
     with progress.stage("writing"):
         save_result(result, folder)
         for path in outputs:
@@ -110,5 +120,5 @@ def _build(
     for note in (*result.model.notes, *clock):
         logging.getLogger("recon").info(note)
     if not quiet:
-        for line in summary(result.model, folder, outputs):
+        for line in (*by_hand(result), *summary(result.model, folder, outputs)):
             click.echo(line)

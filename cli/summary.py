@@ -11,6 +11,27 @@ from recon.geometry import Array
 
 if TYPE_CHECKING:
     from recon.model import Layout, Model
+    from recon.pipeline import Build
+
+
+def by_hand(build: Build) -> list[str]:
+    """Distances and points that people measured beside those of the model, one line each; none without any."""
+    lines = []
+    if (tape := build.measured.tape) is not None:
+        measures = zip(tape.first, tape.second, tape.distance, tape.sigma, build.estimate.tape, strict=True)
+        for a, b, said, sigma, solved in measures:
+            off = f"{(solved - said) * 1000:+.1f} mm, {(solved - said) / sigma:+.1f} sigmas"
+            lines.append(f"Tape:      walls {a} and {b}: {said:.3f} m, {off}")
+    if (control := build.measured.control) is not None and (survey := build.estimate.survey) is not None:
+        rows = zip(control.names, survey.solved - control.position, control.sigma, survey.kept, strict=True)
+        for name, (x, y), sigma, kept in rows:
+            off = f"x {x * 1000:+.1f} mm, y {y * 1000:+.1f} mm, {np.hypot(x, y) / sigma:.1f} sigmas"
+            lines.append(f"Control:   {name}: {off}{'' if kept else ', left out'}")
+        x, y, yaw = survey.survey_from_map
+        place = f"the map's origin is at x {x:.3f} m, y {y:.3f} m, its x axis at {np.degrees(yaw):.3f} deg"
+        sigma_x, sigma_y, sigma_yaw = survey.sigma * [1000, 1000, np.degrees(1)]
+        lines.append(f"Survey:    {place} (sigmas {sigma_x:.1f} mm, {sigma_y:.1f} mm, {sigma_yaw:.3f} deg)")
+    return lines
 
 
 def summary(model: Model, folder: Path, outputs: tuple[Path, ...]) -> list[str]:

@@ -22,12 +22,12 @@ from recon.calibration.result import Calibration
 from recon.calibration.support import CalibrationFrames
 from recon.calibration.synchronise import Drive, calibrate_with_clock
 from recon.config import Config
-from recon.errors import ConfigError
 from recon.faces import extrude
 from recon.geometry import Array, Pose3, between2
 from recon.graph.blind import Eye, blind_steps, see_along
 from recon.graph.boundary import boundary_observations
 from recon.graph.closures import Closures
+from recon.graph.control import Control
 from recon.graph.ekf import solve_filter
 from recon.graph.estimate import MapEstimate
 from recon.graph.motion import Motion
@@ -37,19 +37,19 @@ from recon.graph.tape import Tape
 from recon.layout.build import build_layout
 from recon.layout.heights import measure_heights
 from recon.layout_json import layout_from_json, layout_to_json
-from recon.lidar.matching import ScanMatching, match_scans
+from recon.lidar.matching import ScanMatching
 from recon.lidar.noise import with_noise
 from recon.lidar.segment import Segments
 from recon.lidar.split_and_merge import extract_segments
-from recon.lidar.sweep import reordered, sweep_order
+from recon.lidar.sweep import match_in_order
 from recon.loops.close import ClosedLoops, close_loops
+from recon.measured import NOTHING, Measured
 from recon.model import Layout, Model
 from recon.progress import SILENT, Progress, Stage
 from recon.segmentation.heights import measure_objects
 from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
-from recon.tape import TapeMeasures, surprises, tape_on_layout
 from recon.texture.texture import texture_faces
 from recon.vision.frame import FrameLines
 from recon.vision.frame_lines import detect_lines, relabel
@@ -71,7 +71,7 @@ class Build:
     seconds: dict[str, float]
     counts: dict[str, int]
     warnings: tuple[str, ...]
-    tape: TapeMeasures | None = None
+    measured: Measured = NOTHING
 
 
 @dataclass
@@ -92,14 +92,13 @@ class _Run:
         self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - start, 3)
 
 
-def build(sequence: Sequence, config: Config, progress: Progress = SILENT, tape: TapeMeasures | None = None) -> Build:
+def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measured: Measured = NOTHING) -> Build:
     """From one drive to a textured model with known accuracy.
 
-    tape: distances between walls, named by their ids in the layout of a build without them. Raises InputError for
-    walls that are not there, ConfigError where the backend takes no distances.
+    measured: by people; walls are named by their ids in the layout of a build without it. Raises InputError for walls
+    that are not there, ConfigError where the backend takes no measures.
     """
-    if tape is not None and config.graph.backend == "ekf":
-        raise ConfigError(f"{tape.path}: the filter takes no distances between walls, expected graph.backend 'graph'")
+    measured.check_backend(config.graph)
     run = _Run(progress, warnings=list(sequence.warnings))
     sequence, matching, segments = _scans(sequence, config, run)
     lines, vertical = _lines(sequence, config, run)
@@ -107,10 +106,11 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, tape:
     matching = _sighted(sequence, calibration, matching, segments, run)
     closed = _closed(sequence, matching, config, run)
     estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run)
-    if tape is not None:
-        named = tape_on_layout(tape, build_layout(estimate, sequence.scans, config.layout))
-        estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run, named)
-        run.warnings.extend(surprises(tape, estimate.tape))
+    if measured:
+        plain = build_layout(estimate, sequence.scans, config.layout)
+        named = measured.on_layout(plain, sequence.scans.timestamps)
+        estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run, *named)
+        run.warnings.extend(measured.surprises(estimate))
     poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
     with run.stage("layout"):
         layout = build_layout(estimate, sequence.scans, config.layout)
@@ -118,18 +118,8 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, tape:
             layout = measure_heights(layout, lines, poses, sequence.camera)
         layout = layout_from_json(layout_to_json(layout), "layout.json")  # its decimals: exports made later are equal
     model = _model(sequence, layout, poses, config, run)
-    return Build(
-        sequence,
-        config,
-        model,
-        estimate,
-        calibration,
-        poses,
-        run.seconds,
-        run.counts,
-        tuple(dict.fromkeys(run.warnings)),
-        tape,
-    )
+    warnings = tuple(dict.fromkeys(run.warnings))
+    return Build(sequence, config, model, estimate, calibration, poses, run.seconds, run.counts, warnings, measured)
 
 
 def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[Sequence, ScanMatching, list[Segments]]:
@@ -137,11 +127,7 @@ def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[Sequence, Sca
     scans = sequence.scans
     lidar = with_noise(scans, config.lidar)
     with run.stage("scan matching", len(scans), "scans") as stage:
-        matching = match_scans(scans, sequence.odometry, lidar)
-        if (order := sweep_order(scans, matching, lidar)) != "as given":
-            run.warnings.append(f"the beams of a scan were taken {order}, whatever their order and time_increment say")
-            scans = reordered(scans, order)
-            matching = match_scans(scans, sequence.odometry, lidar)
+        scans, matching = match_in_order(scans, sequence.odometry, lidar, run.warnings)
         stage.advance(len(scans))
     with run.stage("scan lines", len(scans), "scans") as stage:
         segments = []
@@ -244,6 +230,7 @@ def _estimate(
     config: Config,
     run: _Run,
     tape: Tape | None = None,
+    control: Control | None = None,
 ) -> MapEstimate:
     """Platform poses and wall lines from one factor graph, or from the paper's filter."""
     with run.stage("factor graph" if config.graph.backend == "graph" else "filter"):
@@ -259,7 +246,7 @@ def _estimate(
         if config.graph.backend == "ekf":
             estimate = solve_filter(*given)
         else:
-            estimate = solve_graph(*given, config.graph, closures=_seen_again(closed), tape=tape)
+            estimate = solve_graph(*given, config.graph, closures=_seen_again(closed), tape=tape, control=control)
             pairs = np.stack([closed.closures.first, closed.closures.second], axis=1)
             estimate = replace(estimate, closures=pairs)
     run.counts["wall lines"] = len(estimate.walls)

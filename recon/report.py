@@ -49,6 +49,7 @@ def write_report(build: Build, folder: Path) -> None:
         _overlays(folder),
         _section("Trajectory and accuracy", _drawing(build)),
         _tape(build),
+        _control(build),
         _section("Walls", _walls(model.layout)),
         _section("Time", _table(("stage", "seconds"), [(name, f"{s:.2f}") for name, s in build.seconds.items()])),
     ]
@@ -120,7 +121,7 @@ def _overlays(folder: Path) -> str:
 
 def _tape(build: Build) -> str:
     """Distances measured by hand beside those of the model."""
-    if (tape := build.tape) is None:
+    if (tape := build.measured.tape) is None:
         return ""
     rows: list[tuple[str, ...]] = [
         (f"{a} to {b}", f"{d:.3f}", f"{s * 1000:.1f}", f"{m:.3f}", f"{(m - d) * 1000:+.1f}", f"{(m - d) / s:+.1f}")
@@ -128,6 +129,23 @@ def _tape(build: Build) -> str:
     ]
     head = ("walls", "measured, m", "sigma, mm", "model, m", "residual, mm", "residual, sigmas")
     return _section("Measured by hand", _table(head, rows))
+
+
+def _control(build: Build) -> str:
+    """Surveyed points beside those of the model, and where the map lies in the survey."""
+    points, survey = build.measured.control, build.estimate.survey
+    if points is None or survey is None:
+        return ""
+    rows: list[tuple[str, ...]] = []
+    for name, (x, y), (dx, dy), sigma, kept in zip(
+        points.names, points.position, survey.solved - points.position, points.sigma, survey.kept, strict=True
+    ):
+        off = f"{dx * 1000:+.1f}", f"{dy * 1000:+.1f}", f"{np.hypot(dx, dy) / sigma:.1f}"
+        rows.append((name, f"{x:.3f}", f"{y:.3f}", f"{sigma * 1000:.1f}", *off, "yes" if kept else "left out"))
+    head = ("point", "x, m", "y, m", "sigma, mm", "residual x, mm", "residual y, mm", "sigmas", "used")
+    x, y, yaw = survey.survey_from_map
+    place = f"The map's origin is at x {x:.3f} m, y {y:.3f} m of the survey, its x axis at {np.degrees(yaw):.4f} deg."
+    return _section("Surveyed points", f"<p>{place}</p>" + _table(head, rows))
 
 
 def _walls(layout: Layout) -> str:

@@ -386,3 +386,22 @@ def test_radish(
     assert float(np.ptp(drive.odometry.timestamps)) == pytest.approx(span, abs=1)
     assert steps.max() < 0.5  # m: no correction is among them
     assert len(drive.warnings) == 1
+
+
+@pytest.mark.parametrize(("beams", "start", "step"), [(180, -90, 1.0), (361, -90, 0.5), (541, -135, 0.5)])
+def test_odometry_that_starts_anew(beams: int, start: float, step: float, tmp_path: Path) -> None:
+    """The wheels' count falls back to 0 in mid-drive: the way goes on from there, and the line says so."""
+    lines, base = [], np.zeros(3)
+    for i in range(40):
+        if i in (16, 36):
+            base = robot(i)
+        at, stamp = compose2(inverse2(base), robot(i)), f"{PERIOD * i:g}"
+        lines += [odom(at, stamp), flaser(ranges(robot(i), beams, start, step), at, at, stamp)]
+    drive = read(lines, tmp_path)
+    assert drive.warnings == ("the odometry jumps 2 times, first at 3.000 s: those steps are left out",)
+    assert drive.odometry is not None
+    steps = between2(drive.odometry.poses[:-1], drive.odometry.poses[1:])
+    truth = np.array([robot(i) for i in range(40)])
+    expected = between2(truth[:-1], truth[1:])
+    expected[[15, 35]] = 0.0
+    np.testing.assert_allclose(steps, expected, atol=5e-6)

@@ -18,6 +18,7 @@ import pytest
 
 from recon.cli.progress import PlainProgress, terminal_progress
 from recon.files import atomic_path
+from recon.measured import NOTHING, Measured
 from recon.model import Face, Layout, Model, Room, Wall
 from recon.progress import SILENT, Progress
 
@@ -53,6 +54,8 @@ def _face(wall: Wall) -> Face:
 class StandInBuild:
     model: Model
     warnings: tuple[str, ...] = ()
+    measured: Measured = NOTHING
+    calibration: Any = None
 
 
 @pytest.fixture
@@ -73,7 +76,7 @@ def test_five_lines_say_what_was_found(
 ) -> None:
     seen: list[Any] = []
 
-    def build(sequence: Any, config: Any, progress: Progress, tape: Any) -> StandInBuild:
+    def build(sequence: Any, config: Any, progress: Progress, measured: Any) -> StandInBuild:
         seen.append((sequence.name, config.seed, config.workers))
         with progress.stage("image lines", total=2, unit="images") as stage:
             stage.advance()

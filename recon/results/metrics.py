@@ -29,6 +29,7 @@ def metrics(build: Build) -> dict[str, Any]:
         "odometry_clock": _clock(build),
         "calibration": _calibration(build),
         "tape": _tape(build),
+        "control": _control(build),
         "faces": {f.name: {"seen_fraction": round(f.seen_fraction, 4)} for f in build.model.faces},
         "warnings": list(build.warnings),
         "versions": {"recon": recon.__version__, "python": platform.python_version(), **_versions()},
@@ -62,7 +63,7 @@ def _calibration(build: Build) -> dict[str, Any] | None:
 
 def _tape(build: Build) -> list[dict[str, Any]]:
     """Distances measured by hand, what they are in the model, and the difference in standard deviations."""
-    if (tape := build.tape) is None:
+    if (tape := build.measured.tape) is None:
         return []
     rows = zip(tape.first, tape.second, tape.distance, tape.sigma, build.estimate.tape, strict=True)
     return [
@@ -75,6 +76,29 @@ def _tape(build: Build) -> list[dict[str, Any]]:
         }
         for a, b, distance, sigma, solved in rows
     ]
+
+
+def _control(build: Build) -> dict[str, Any] | None:
+    """The map in the survey's frame, and every control point: where the model has it, and the difference."""
+    points, survey = build.measured.control, build.estimate.survey
+    if points is None or survey is None:
+        return None
+    rows = zip(points.names, points.position, points.sigma, survey.solved, survey.kept, strict=True)
+    return {
+        "survey_from_map": [float(v) for v in survey.survey_from_map],
+        "sigma": [float(f"{v:.4g}") for v in survey.sigma],
+        "points": [
+            {
+                "name": name,
+                "surveyed": place.tolist(),
+                "sigma": float(sigma),
+                "solved": solved.round(5).tolist(),
+                "residual": ((solved - place) / sigma).round(3).tolist(),
+                "used": bool(used),
+            }
+            for name, place, sigma, solved, used in rows
+        ],
+    }
 
 
 def _versions() -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from recon.errors import InputError
+from recon.sequence.jumps import without_jumps
 from recon.sequence.sequence import Sequence
 from recon.sequence.topics import Topics
 
@@ -21,10 +22,14 @@ def open_sequence(path: Path, topics: Topics | None = None) -> Sequence:
     - a ROS 1 bag (.bag), a ROS 2 bag (.db3, .mcap, or their folder, with or without metadata.yaml),
     - a CARMEN log (.log, .clf, also .gz).
 
-    topics: which to read of a bag, where several would do. Raises InputError, one line that names the file, the value
-    and what was expected, for whatever cannot be used.
+    topics: which to read of a bag, where several would do. Jumps of the odometry are taken out. Raises InputError, one
+    line that names the file, the value and what was expected, for whatever cannot be used.
     """
-    path = Path(path)
+    return without_jumps(_read(Path(path), topics))
+
+
+def _read(path: Path, topics: Topics | None) -> Sequence:
+    """By the reader of what `path` is."""
     if _is_bag(path):
         from recon.sequence.rosbag import read_rosbag
 

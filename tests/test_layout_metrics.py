@@ -138,7 +138,7 @@ def test_vertices_on_a_straight_line_are_no_corners() -> None:
 def opening(number: int, kind: OpeningType, wall: int, low: float, width: float = 0.9, top: float = 2.0) -> Opening:
     """In wall 0 (from (0, 0) along x) or wall 2 (from (4, 4) back) of a 4 m square, `low` m after its start."""
     a, b = ((low, 0.0), (low + width, 0.0)) if wall == 0 else ((4 - low, 4.0), (4 - low - width, 4.0))
-    return Opening(number, kind, wall, np.array(a), np.array(b), 0.0, top)
+    return Opening(number, kind, wall, np.array(a), np.array(b), 0.0, top, sigma_top=0.01)
 
 
 SQUARE = Layout(walls(box(0, 0, 4, 4)), rooms(box(0, 0, 4, 4)), ceiling_height=2.5)
@@ -167,6 +167,9 @@ def test_openings_by_type() -> None:
     heights = height_errors(replace(estimate, ceiling_height=2.46), truth)
     np.testing.assert_allclose(sorted(heights.tops), [-0.1, 0.0], atol=1e-9)
     np.testing.assert_allclose(heights.ceilings, [-0.04])
+    unseen = tuple(replace(o, sigma_top=None) for o in estimate.openings[:1])
+    heights = height_errors(replace(estimate, openings=unseen), truth)
+    assert heights.tops == () and heights.unknown_tops == 1, "a default is no measurement"
 
 
 def test_the_two_faces_of_a_thin_wall_have_openings_of_their_own() -> None:
@@ -184,7 +187,7 @@ def test_heights_of_rooms() -> None:
     truth = replace(SQUARE, rooms=(replace(SQUARE.rooms[0], ceiling_height=3.0), *rooms(box(5, 0, 4, 4))))
     found = replace(truth, rooms=(replace(truth.rooms[0], ceiling_height=3.02), truth.rooms[1]), ceiling_height=None)
     errors = height_errors(found, truth)
-    assert errors.ceilings == pytest.approx((0.02,)) and errors.unknown == 1
+    assert errors.ceilings == pytest.approx((0.02,)) and errors.unknown_ceilings == 1
     assert errors.to_json()["ceilings"] == {
         "compared": 1, "median": pytest.approx(0.02), "worst": pytest.approx(0.02), "unknown": 1
     }  # fmt: skip

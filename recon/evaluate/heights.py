@@ -16,18 +16,22 @@ from recon.model import Layout, Room
 class HeightErrors:
     """Estimate minus truth, m: ceilings of matched rooms, heads of right doors and passages.
 
-    unknown: matched rooms whose ceiling the estimate leaves open though the truth knows it.
+    unknown_ceilings: matched rooms whose ceiling the estimate leaves open though the truth knows it; unknown_tops:
+    right doors and passages whose head no image showed, so that `top` is a default.
     """
 
     ceilings: tuple[float, ...]
-    unknown: int
+    unknown_ceilings: int
     tops: tuple[float, ...]
+    unknown_tops: int
 
     def to_json(self) -> dict[str, Any]:
         """Medians of the absolute values and the largest; None where nothing was compared."""
-        parts = {name: _summary(values) for name, values in (("ceilings", self.ceilings), ("tops", self.tops))}
-        parts["ceilings"]["unknown"] = self.unknown
-        return parts
+        ceilings, tops = _summary(self.ceilings), _summary(self.tops)
+        return {
+            "ceilings": ceilings | {"unknown": self.unknown_ceilings},
+            "tops": tops | {"unknown": self.unknown_tops},
+        }
 
 
 def height_errors(estimate: Layout, truth: Layout) -> HeightErrors:
@@ -39,8 +43,9 @@ def height_errors(estimate: Layout, truth: Layout) -> HeightErrors:
             ceilings.append(mine - true)
         unknown += mine is None and true is not None
     mine_openings, theirs = ([o for o in layout.openings if o.type != "window"] for layout in (estimate, truth))
-    tops = [float(a.top - b.top) for a, b in matched_openings(estimate, mine_openings, truth, theirs)]
-    return HeightErrors(tuple(ceilings), unknown, tuple(tops))
+    pairs = matched_openings(estimate, mine_openings, truth, theirs)
+    tops = [float(a.top - b.top) for a, b in pairs if a.sigma_top is not None]
+    return HeightErrors(tuple(ceilings), unknown, tuple(tops), len(pairs) - len(tops))
 
 
 def _ceiling(layout: Layout, room: Room) -> float | None:

@@ -201,12 +201,15 @@ def _calibration(
 def _sighted(
     sequence: Sequence, calibration: Calibration | None, matching: ScanMatching, segments: list[Segments], run: _Run
 ) -> ScanMatching:
-    """The scan matches, filled in from images where they say nothing along a corridor."""
+    """The scan matches, filled in where they say nothing along a corridor: from images, else from what platforms do."""
     eye = None if calibration is None else Eye.of(sequence, calibration)
-    if eye is None or not blind_steps(matching).any():
+    if not blind_steps(matching).any() or (eye is None and matching.odometry is not None):
         return matching
     with run.stage("image motion"):
-        matching, run.counts["image motions"] = see_along(matching, segments, eye)
+        matching, seen = see_along(matching, segments, eye)
+    if seen == 0:
+        run.warnings.append("neither scans nor images tell the way along some corridor; constant velocity is assumed")
+    run.counts["image motions"] = seen
     return matching
 
 

@@ -27,14 +27,14 @@ SIGHTED = 0.02
 """m: and across it, up to which the scans tell the rest."""
 LONGEST = 1.5
 """s between images beyond which corners are not followed."""
-ACCELERATION = 1.0
+ACCELERATION = 0.5
 """m/s^2: how a speed that images tell changes until another is told."""
-GAP = 1.0
+GAP = 5.0
 """s after which it says nothing any more."""
 STRAY = 1.0
 """m/s: how far from the prediction a platform may be where nothing tells: it does not jump."""
 
-STRONGEST = 120
+STRONGEST = 80
 """Corners whose patches say roughly how far it was."""
 
 Load = Callable[[int], NDArray[np.uint8] | None]
@@ -89,18 +89,18 @@ class Eye:
         return Eye(calibration.on_scan_clock(images.timestamps), load, camera, calibration)
 
 
-def see_along(matching: ScanMatching, segments: Sequence[Segments], eye: Eye) -> tuple[ScanMatching, int]:
+def see_along(matching: ScanMatching, segments: Sequence[Segments], eye: Eye | None) -> tuple[ScanMatching, int]:
     """The scan matching with blind motions filled in from images, and how many pairs of images did so.
 
     A motion is blind where its scan match is vague along one direction and sure across it. Motions and covariances are
-    fused (Kalman), and the trajectory is chained anew. Where images see nothing the prediction stays, and is held to
-    what platforms can do.
+    fused (Kalman), and the trajectory is chained anew. Where images see nothing (eye None: there are none) the
+    prediction stays, and is held to what platforms can do.
     """
     blind = blind_steps(matching)
     if not blind.any():
         return matching, 0
-    seen = list(_look(matching, segments, eye, blind))
-    speeds = Speeds.of(seen, eye.calibration.covariance)
+    seen = [] if eye is None else list(_look(matching, segments, eye, blind))
+    speeds = Speeds.of(seen, np.zeros((6, 6)) if eye is None else eye.calibration.covariance)
     poses, stamps = matching.trajectory.poses, matching.trajectory.timestamps
     relative, vague = between2(poses[:-1], poses[1:]), np.linalg.eigh(_in_map(matching))[1][:, :, 1]
     fused, alone = matching.covariances.copy(), matching.scan_covariances.copy()
@@ -233,7 +233,9 @@ class Speeds:
         some = [s for s in self.seen if abs((s.start + s.end) / 2 - middle) < 2 * GAP]
         rates = [s.speed * np.sign(s.direction @ nearest.direction) for s in some]
         way = float(np.interp(middle, [(s.start + s.end) / 2 for s in some], rates)) * span
-        variance = nearest.variance * span / (nearest.end - nearest.start) + (ACCELERATION * gap * span) ** 2
+        variance = nearest.variance * span / (nearest.end - nearest.start) + (ACCELERATION * gap) ** 2 * span * (
+            span + 2 * gap
+        )
         return Way(way, variance + self.systematic * abs(way), nearest.direction)
 
 

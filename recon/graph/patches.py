@@ -19,13 +19,15 @@ from recon.sequence.camera import Camera
 MAX_SPEED, MAX_REVERSE = 2.5, 1.0  # m/s
 SPACING = 0.03  # m between ways that are tried
 MOST_WAYS = 80
+NEAR = 0.3  # m around a way that is guessed, at least
 PATCH = 2.0 * np.stack(np.meshgrid(np.arange(-2, 3), np.arange(-2, 3)), axis=-1).reshape(-1, 2)  # px
 BLUR = 1.0  # px
 FLAT = 2.0  # grey values: patches with less contrast say nothing
 MIN_PATCHES = 8
 MIN_SCORE = 0.3
-RIVAL = 0.85  # of the best score: another way with as much is as likely
-CHANGE = 1.0  # m/s^2: how fast a known speed may have changed
+MARGIN = 0.12  # by which the best score must exceed the next way's
+UNLIKELY = 0.1  # of score that a way one standard deviation from the known speed loses, four times that at two
+CHANGE = 0.5  # m/s^2: standard deviation of how fast a known speed changes
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,10 @@ class Guess:
 
     speed: float
     age: float
+
+    def spread(self, seconds: float) -> float:
+        """m: standard deviation of the way within so many seconds."""
+        return CHANGE * (self.age + seconds) * seconds
 
 
 def likely_way(
@@ -52,24 +58,26 @@ def likely_way(
     None where nothing agrees, or where several ways do equally well (tiles, and nothing else) and the speed before
     does not tell them apart. segments: (M, 2, 2) m, feet of walls in the first platform frame.
     """
-    ways = _ways(seconds)
-    score = _scores(first, second, corners, step, ways, pose, camera, segments)
+    ways = _ways(seconds, guess)
+    score = _scores(_soft(first), _soft(second), corners, step, ways, pose, camera, segments)
     peak = np.flatnonzero((score[1:-1] >= score[:-2]) & (score[1:-1] > score[2:])) + 1
     peak = peak[score[peak] > MIN_SCORE]
     if not len(peak):
         return None
-    peak = peak[score[peak] > RIVAL * score[peak].max()]
-    if len(peak) == 1:
-        return float(ways[peak[0]])
-    if guess is None:
+    likely = score[peak]
+    if guess is not None:
+        likely = likely - UNLIKELY * ((ways[peak] - guess.speed * seconds) / guess.spread(seconds)) ** 2
+    order = np.argsort(-likely)
+    if len(order) > 1 and likely[order[0]] - likely[order[1]] < MARGIN:
         return None
-    off = np.abs(ways[peak] - guess.speed * seconds)
-    near = np.flatnonzero(off < CHANGE * (guess.age + seconds) * seconds)
-    return float(ways[peak[near[0]]]) if len(near) == 1 else None
+    return float(ways[peak[order[0]]])
 
 
-def _ways(seconds: float) -> Array:
+def _ways(seconds: float, guess: Guess | None) -> Array:
     low, high = -MAX_REVERSE * seconds, MAX_SPEED * seconds
+    if guess is not None:
+        reach = max(NEAR, 3 * guess.spread(seconds))
+        low, high = max(low, guess.speed * seconds - reach), min(high, guess.speed * seconds + reach)
     return np.linspace(low, high, int(np.clip((high - low) / SPACING, 8, MOST_WAYS)))
 
 
@@ -103,6 +111,10 @@ def _scores(
     return score
 
 
+def _soft(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), BLUR), dtype=np.uint8)
+
+
 def _mean(alike: Array) -> float:
     """Of the patches that are in the picture; 0 where few are."""
     seen = np.isfinite(alike)
@@ -111,9 +123,8 @@ def _mean(alike: Array) -> float:
 
 def _sample(image: NDArray[np.uint8], pixels: Array) -> Array:
     """(N,) grey values at pixels (N, 2), nan outside."""
-    soft = cv2.GaussianBlur(image, (0, 0), BLUR)
     places = np.nan_to_num(pixels, nan=-10.0).astype(np.float32).reshape(-1, 1, 2)
-    values = cv2.remap(soft, places, None, cv2.INTER_LINEAR).ravel().astype(np.float64)
+    values = cv2.remap(image, places, None, cv2.INTER_LINEAR).ravel().astype(np.float64)
     inside = ((places[:, 0] >= 0) & (places[:, 0] <= np.array(image.shape[::-1]) - 1)).all(axis=1)
     return np.where(inside, values, np.nan)
 

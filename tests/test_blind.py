@@ -1,0 +1,99 @@
+"""Images where the scans are blind: a long corridor with and without them, and the parts against known geometry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from blind_corridor import corridor_plan, drive_corridor
+
+from recon.config import Config, TextureConfig
+from recon.geometry import Array, Pose3, rotation2
+from recon.graph.blind import blind_steps
+from recon.graph.slide import Step, estimate_slide, on_surfaces, project
+from recon.lidar.matching import ScanMatching
+from recon.pipeline import build
+from recon.sequence.camera import Camera
+from recon.sequence.trajectory import Trajectory
+
+CAMERA = Camera(640, 480, np.array([[500.0, 0, 320.0], [0, 500.0, 240.0], [0, 0, 1]]))
+FORWARD = Pose3(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.array([0.1, 0.02, 0.95]))
+WALLS = np.array([[[9.0, 1.1], [-3.0, 1.1]], [[-3.0, -1.1], [9.0, -1.1]]])
+
+
+def test_images_tell_the_way_along_a_corridor_that_scans_do_not(tmp_path: Path) -> None:
+    """22 m, of which the scanner sees an end in the last metres only; the speed changes, there is no odometry."""
+    sequence, truth = drive_corridor(corridor_plan(22.0, 5.0, (320, 240)), tmp_path / "drive", seed=3)
+    config = Config(texture=TextureConfig(metres_per_texel=0.05, max_texture_size=256))
+    seen = build(sequence, config)
+    blind = build(replace(sequence, images=None, camera=None), config)
+    away = np.linalg.norm(seen.estimate.trajectory.poses[:, :2] - truth.poses[:, :2], axis=1)
+    lost = np.linalg.norm(blind.estimate.trajectory.poses[:, :2] - truth.poses[:, :2], axis=1)
+    sigma = seen.estimate.pose_sigmas[:, 0]
+    assert seen.counts["image motions"] > 20 and blind.counts["image motions"] == 0
+    assert any("constant velocity is assumed" in warning for warning in blind.warnings)
+    assert lost.max() > 1.0 and away.max() < 0.2
+    assert np.all(away[10:] < 4 * sigma[10:]) and sigma.max() < 0.3
+    assert np.all(np.diff(sigma[10:-40:20]) > -0.01)  # the farther, the less sure
+
+
+def seen_corners(way: float, across: float, turn: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Rays of corners in a first image, and where a second one that moved has them, px."""
+    pixels = rng.uniform([20, 20], [620, 460], (300, 2))
+    rays = np.concatenate([CAMERA.undistort(pixels), np.ones((300, 1))], axis=1)
+    points = on_surfaces(rays, FORWARD, WALLS)
+    rays, points = rays[np.isfinite(points[:, 0])], points[np.isfinite(points[:, 0])]
+    seen = project(points, np.array([way, across, turn]), FORWARD, CAMERA) + rng.normal(0, 0.3, (len(points), 2))
+    ok = np.isfinite(seen[:, 0])
+    return rays[ok], seen[ok]
+
+
+@pytest.mark.parametrize("way", [-0.2, 0.0, 0.35, 0.8])
+def test_a_way_comes_back_from_where_corners_went(way: float) -> None:
+    rng = np.random.default_rng(4)
+    rays, seen = seen_corners(way, 0.01, 0.02, rng)
+    wrong = rng.random(len(seen)) < 0.3  # people, reflections
+    seen[wrong] += rng.uniform(-25, 25, (wrong.sum(), 2))
+    found = estimate_slide(rays, seen, Step(np.array([1.0, 0.0]), 0.02, 0.01), way + 0.02, FORWARD, CAMERA, WALLS)
+    assert found is not None
+    assert abs(found.way - way) < min(4 * found.sigma, 0.01)
+    assert 1e-4 < found.sigma < 0.01 and found.corners > 0.5 * len(seen)
+
+
+def test_the_change_with_the_cameras_pose_is_that_of_a_moved_camera() -> None:
+    """A camera that is 1 cm higher than thought sees the floor run slower."""
+    rays, seen = seen_corners(0.4, 0.0, 0.0, np.random.default_rng(5))
+    step = Step(np.array([1.0, 0.0]), 0.0, 0.0)
+    higher = Pose3(FORWARD.rotation, FORWARD.translation + np.array([0.0, 0.0, 0.01]))
+    right = estimate_slide(rays, seen, step, 0.4, FORWARD, CAMERA, WALLS)
+    wrong = estimate_slide(rays, seen, step, 0.4, higher, CAMERA, WALLS)
+    assert right is not None and wrong is not None
+    assert wrong.way - right.way == pytest.approx(0.01 * right.change[5], rel=0.2)
+
+
+def test_corners_that_do_not_agree_tell_no_way() -> None:
+    rng = np.random.default_rng(6)
+    rays, seen = seen_corners(0.4, 0.0, 0.0, rng)
+    step = Step(np.array([1.0, 0.0]), 0.0, 0.0)
+    assert estimate_slide(rays, rng.permutation(seen), step, 0.4, FORWARD, CAMERA, WALLS) is None
+    assert estimate_slide(rays[:3], seen[:3], step, 0.4, FORWARD, CAMERA, WALLS) is None
+
+
+def test_rays_end_at_the_nearest_surface() -> None:
+    rays = np.array([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [0.0, -0.1, 1.0]])
+    floor, wall, nothing = on_surfaces(rays, FORWARD, WALLS)
+    assert floor == pytest.approx([1.05, 0.02, 0.0])
+    assert wall == pytest.approx([0.1 + 1.12, -1.1, 0.95])
+    assert np.isnan(nothing).all()
+
+
+@pytest.mark.parametrize(("along", "across", "blind"), [(5.0, 0.003, True), (0.003, 0.002, False), (5.0, 4.0, False)])
+def test_blind_is_what_is_vague_one_way_only(along: float, across: float, blind: bool) -> None:
+    turn = np.eye(3)
+    turn[:2, :2] = rotation2(0.7)
+    covariance = (turn @ np.diag([along**2, across**2, 1e-6]) @ turn.T)[None]
+    poses = Trajectory(np.array([0.0, 0.1]), np.zeros((2, 3)))
+    matching = ScanMatching(poses, covariance, covariance, np.zeros(2, np.bool_), np.zeros((2, 3)))
+    assert blind_steps(matching).tolist() == [blind]

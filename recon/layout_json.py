@@ -59,7 +59,9 @@ def layout_from_json(data: Any, where: str) -> Layout:
         ceiling_height=reader.optional(top, "ceiling_height", "layout"),
         sigma_ceiling=reader.optional(top, "sigma_ceiling", "layout"),
         default_ceiling_height=reader.number(top, "default_ceiling_height", "layout", DEFAULT_CEILING_HEIGHT),
-        dimensions=tuple(reader.dimension(d, f"dimensions[{i}]") for i, d in enumerate(reader.items(top, "dimensions"))),
+        dimensions=tuple(
+            reader.dimension(d, f"dimensions[{i}]") for i, d in enumerate(reader.items(top, "dimensions"))
+        ),
     )
     _check_ids(layout, where)
     return layout
@@ -96,10 +98,8 @@ def _room_to_json(room: Room) -> dict[str, Any]:
 
 def _covariances_to_json(covariances: Array) -> list[list[float] | None]:
     """xx, xy and yy of each (n, 2, 2), in m^2 to a square micrometre."""
-    return [
-        [round(float(c[i, j]), 2 * _DECIMALS) + 0.0 for i, j in ((0, 0), (0, 1), (1, 1))] if np.isfinite(c).all() else None
-        for c in covariances
-    ]
+    entries = [(c[0, 0], c[0, 1], c[1, 1]) if np.isfinite(c).all() else None for c in covariances]
+    return [entry and [round(float(v), 2 * _DECIMALS) + 0.0 for v in entry] for entry in entries]
 
 
 def _dimension_to_json(dimension: Dimension) -> dict[str, Any]:

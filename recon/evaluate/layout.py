@@ -55,7 +55,7 @@ class LayoutScores:
         return rows
 
     def _sigma_rows(self) -> list[tuple[str, str]]:
-        parts = {"offset": self.sigmas.offset, "angle": self.sigmas.angle}
+        parts = {"offset": self.sigmas.offset, "angle": self.sigmas.angle, "dimension": self.sigmas.dimension}
         return [(f"walls' sigma of the {name}", _shares(part)) for name, part in parts.items() if len(part.ratios)]
 
 

@@ -43,14 +43,15 @@ class Calibration:
 
 @dataclass(frozen=True)
 class SigmaScores:
-    """Of the walls that sensors saw: how far and how turned they are, over what they say."""
+    """Of the walls that sensors saw: how far and how turned they are, over what they say; of distances between them."""
 
     offset: Calibration
     angle: Calibration
+    dimension: Calibration
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
-        return {"offset": self.offset.to_json(), "angle": self.angle.to_json()}
+        return {name: getattr(self, name).to_json() for name in ("offset", "angle", "dimension")}
 
 
 def sigma_scores(estimate: Layout, truth: Layout) -> SigmaScores:
@@ -65,8 +66,24 @@ def sigma_scores(estimate: Layout, truth: Layout) -> SigmaScores:
             sigmas.append((wall.sigma_offset, wall.sigma_angle))
     across, along = np.array(sigmas).reshape(-1, 2).T
     return SigmaScores(
-        Calibration(np.array(offset) / across, np.array(offset)), Calibration(np.array(angle) / along, np.array(angle))
+        Calibration(np.array(offset) / across, np.array(offset)),
+        Calibration(np.array(angle) / along, np.array(angle)),
+        dimension_scores(estimate, truth),
     )
+
+
+def dimension_scores(estimate: Layout, truth: Layout) -> Calibration:
+    """Distances between facing walls that both have a `counterpart`, against these where they were measured."""
+    walls = {wall.id: wall for wall in estimate.walls}
+    errors, sigmas = [], []
+    for dimension in estimate.dimensions:
+        pair = [counterpart(walls[k], truth.walls) for k in dimension.walls]
+        if dimension.sigma > 0 and pair[0] is not None and pair[1] is not None:
+            way = (dimension.end - dimension.start) / dimension.distance
+            near, far = (float((w.start - dimension.start) @ w.normal / (way @ w.normal)) for w in pair if w)
+            errors.append(dimension.distance - (far - near))
+            sigmas.append(dimension.sigma)
+    return Calibration(np.array(errors) / np.array(sigmas), np.array(errors))
 
 
 def counterpart(wall: Wall, others: tuple[Wall, ...]) -> Wall | None:

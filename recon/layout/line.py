@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from recon.model import Source
 
 MERGE_OFFSET = 0.035
 """m, two lines closer than this over their stretches are one wall (or the two sides of one)."""
+FLATNESS = 0.003
+"""m that one wall leaves its line ..."""
+SIGMAS = 3.0
+"""... and as many standard deviations of both pieces, and they are in line."""
 MERGE_ANGLE = np.radians(3.0)
 MERGE_GAP = 3.0
 """m along the wall; stretches further apart are told apart by their own lines."""
@@ -29,6 +34,9 @@ class PlanLine:
     sigma_offset (m) at the origin and sigma_angle (rad), one standard deviation. frontier: (K, 2) stretches where
     seen space just ends, with no wall. oblique: a frontier neither along nor across the walls beside it. hidden:
     (K, 2) stretches that something before the wall hides.
+
+    parts: the walls of the estimate behind the line, each with how the line's (offset, angle) follow its own, (2, 2).
+    mixed: covariance of offset and angle, m rad.
     """
 
     origin: Array
@@ -42,6 +50,8 @@ class PlanLine:
     frontier: Array = field(default_factory=lambda: NONE)
     oblique: bool = False
     hidden: Array = field(default_factory=lambda: NONE)
+    parts: tuple[tuple[int, Array], ...] = ()
+    mixed: float = 0.0
 
     @cached_property
     def normal(self) -> Array:
@@ -72,7 +82,8 @@ class PlanLine:
 
     def sigma_at(self, position: float) -> float:
         """Standard deviation of the offset at a position along the line, m."""
-        return float(np.hypot(self.sigma_offset, position * self.sigma_angle))
+        variance = self.sigma_offset**2 + 2 * position * self.mixed + (position * self.sigma_angle) ** 2
+        return float(np.sqrt(max(variance, 0.0)))
 
 
 def cross2(a: Array, b: Array) -> Array:
@@ -127,7 +138,7 @@ def carried(intervals: Array, source: PlanLine, target: PlanLine) -> Array:
 
 def merged_lines(walls: tuple[WallLine, ...]) -> list[PlanLine]:
     """Wall lines as plan lines, longest first; collinear ones become one, whichever side they were seen from."""
-    lines = [_plan_line(wall) for wall in walls if len(wall.intervals)]
+    lines = [_plan_line(wall, number) for number, wall in enumerate(walls) if len(wall.intervals)]
     lines.sort(key=lambda line: -line.supported_length)
     out: list[PlanLine] = []
     origin, normal = np.zeros((2, len(lines), 2))
@@ -139,12 +150,12 @@ def merged_lines(walls: tuple[WallLine, ...]) -> list[PlanLine]:
         if k == len(out):
             out.append(line)
         else:
-            out[k] = _joined(out[k], line)
+            out[k] = _joined(out[k], line) if _in_line(line, out[k]) else _extended(out[k], line)
         origin[k], normal[k] = out[k].origin, out[k].normal
     return out
 
 
-def _plan_line(wall: WallLine) -> PlanLine:
+def _plan_line(wall: WallLine, number: int) -> PlanLine:
     return PlanLine(
         wall.pose[:2],
         wall.direction,
@@ -154,6 +165,7 @@ def _plan_line(wall: WallLine) -> PlanLine:
         wall.sigma_angle,
         wall.source,
         wall.observations,
+        parts=((number, np.eye(2)),),
     )
 
 
@@ -167,6 +179,15 @@ def _same(line: PlanLine, other: PlanLine) -> bool:
     low, high = np.sort(other.along(line.point(ends)))
     gap = np.maximum(low - other.support[:, 1], other.support[:, 0] - high).min()
     return bool(gap < MERGE_GAP)
+
+
+def _in_line(line: PlanLine, other: PlanLine) -> bool:
+    """Whether `line` lies no further off `other` than both are known; a door's leaf a little behind its wall does."""
+    ends = line.support[[0, -1], [0, 1]]
+    sigma = [
+        np.hypot(line.sigma_at(s), other.sigma_at(t)) for s, t in zip(ends, other.along(line.point(ends)), strict=True)
+    ]
+    return bool(np.all(np.abs(other.offset(line.point(ends))) <= SIGMAS * np.hypot(sigma, FLATNESS)))
 
 
 def _joined(line: PlanLine, other: PlanLine) -> PlanLine:
@@ -187,17 +208,44 @@ def _joined(line: PlanLine, other: PlanLine) -> PlanLine:
         line,
         origin=centre,
         direction=direction,
+        parts=_followed(line, other, ends, weights, centre, direction),
         sigma_offset=best.sigma_offset,
         sigma_angle=min(line.sigma_angle, other.sigma_angle),
         source="lidar" if "lidar" in (line.source, other.source) else line.source,
         observations=line.observations + other.observations,
     )
+    return replace(joined, **_carried_sides(joined, (line, other)))
+
+
+def _extended(line: PlanLine, other: PlanLine) -> PlanLine:
+    """`line` where it is, along the stretches of both: what is off it says nothing about where it is."""
+    return replace(line, **_carried_sides(line, (line, other)), observations=line.observations + other.observations)
+
+
+def _carried_sides(target: PlanLine, parts: tuple[PlanLine, PlanLine]) -> dict[str, Any]:
+    """`front` and `back` of a line that has the stretches of others."""
     sides: dict[bool, list[Array]] = {True: [], False: []}
-    for part in (line, other):
-        forward = bool(part.direction @ direction > 0)
-        sides[forward].append(carried(part.front, part, joined))
-        sides[not forward].append(carried(part.back, part, joined))
-    return replace(joined, front=union(np.concatenate(sides[True])), back=union(np.concatenate(sides[False])))
+    for part in parts:
+        forward = bool(part.direction @ target.direction > 0)
+        sides[forward].append(carried(part.front, part, target))
+        sides[not forward].append(carried(part.back, part, target))
+    return {"front": union(np.concatenate(sides[True])), "back": union(np.concatenate(sides[False]))}
+
+
+def _followed(
+    line: PlanLine, other: PlanLine, ends: list[Array], weights: list[Array], centre: Array, direction: Array
+) -> tuple[tuple[int, Array], ...]:
+    """How the (offset, angle) of a fit to the ends (n, 2) of two lines' stretches follow those of all walls behind."""
+    out = []
+    along = [(points - centre) @ direction for points in ends]
+    mass = sum(float(w.sum()) for w in weights)
+    lever = sum(float(w @ s**2) for w, s in zip(weights, along, strict=True))
+    for part, points, w, s in zip((line, other), ends, weights, along, strict=True):
+        side = np.sign(part.direction @ direction)
+        moved = np.stack([np.ones(len(points)), part.along(points)])  # how ends follow the part's offset and angle
+        change = np.stack([side * moved @ w / mass, side * moved @ (w * s) / lever])
+        out += [(number, change @ before) for number, before in part.parts]
+    return tuple(out)
 
 
 def crossings(lines: list[PlanLine]) -> tuple[Array, Array]:

@@ -29,6 +29,7 @@ from recon.layout.simplify import simplified
 from recon.layout.thickness import with_thickness, without_openings
 from recon.layout.uncertainty import with_sigmas
 from recon.layout.visited import visited_space
+from recon.layout.windows import find_windows
 from recon.model import Layout, Room, Wall
 from recon.sequence.sequence import Scans
 
@@ -52,7 +53,9 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     cells = cut_plane(lines, *_bounds(space, lines))
     walls, owner, rooms = _walls_and_rooms(cells, lines, space, visited, path)
     openings = find_openings(walls, Returns(starts, ends), space, path)
-    walls = without_openings(with_thickness(walls), openings)
+    walls = with_thickness(walls)
+    openings += find_windows(walls, rooms, openings, estimate.trajectory, scans)
+    walls = without_openings(walls, openings)
     objects = floor_objects(walls, [shapely.Polygon(room.polygon) for room in rooms], space)
     layout = Layout(
         tuple(walls),

@@ -40,7 +40,7 @@ def measured_heads(openings: Sequence[Opening], walls: Sequence[Wall], edges: Ed
     found: list[tuple[float, float] | None] = []
     for opening in openings:
         k = index[opening.wall]
-        found.append(None if opening.type == "window" else _head(opening, walls[k], edges.where(edges.wall == k)))
+        found.append(_head(opening, walls[k], edges.where(edges.wall == k)))
     known: dict[str, list[float]] = {}
     for opening, head in zip(openings, found, strict=True):
         if head is not None:

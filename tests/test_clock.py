@@ -1,86 +1,131 @@
-"""The lag between odometry and scanner: found with a sigma that is honest, and used where the truth is read."""
+"""The camera's clock: offsets planted in simulated and in path-traced drives come back, with their sigma."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from recon.evaluate.relations import given_odometry, relation_errors
-from recon.geometry import Array, between2, compose2
-from recon.lidar.clock import OdometryClock, odometry_clock
-from recon.sequence.groundtruth import Relations
+from recon.calibration.calibrate import TOLERANCE, calibrate
+from recon.calibration.clock import heading_offset
+from recon.calibration.frames import collect_frames
+from recon.calibration.result import Calibration
+from recon.calibration.search import is_reflection
+from recon.calibration.support import CalibrationFrames
+from recon.calibration.synchronise import Drive, calibrate_with_clock, platform_twists
+from recon.config import CalibrationConfig, LidarConfig, VisionConfig
+from recon.geometry import Array, Pose3
+from recon.lidar.matching import match_scans
+from recon.lidar.noise import with_noise
+from recon.lidar.segment import Segments
+from recon.lidar.split_and_merge import extract_segments
+from recon.sequence.camera import Camera
+from recon.sequence.images import iterate_images
+from recon.sequence.open import open_sequence
 from recon.sequence.trajectory import Trajectory
-from recon.sequence.tum import write_planar
+from recon.simulate import random_plan, simulate
+from recon.vision.frame import FrameLines
+from recon.vision.frame_lines import detect_lines, relabel
+from recon.vision.vertical import vertical_direction
 
 
-def way(times: Array, seed: int) -> Array:
-    """(N, 3) true poses: 0.6 m/s, turning smoothly at random."""
-    fine = np.arange(0.0, times[-1] + 1.0, 0.02)
-    rng = np.random.default_rng(seed)
-    rate = np.convolve(rng.normal(size=len(fine) + 99), np.hanning(100) / 8, mode="valid")
-    yaw = np.cumsum(rate) * 0.02
-    x, y = np.cumsum(0.6 * np.cos(yaw)) * 0.02, np.cumsum(0.6 * np.sin(yaw)) * 0.02
-    return np.column_stack([np.interp(times, fine, c) for c in (x, y, yaw)])
+@dataclass(frozen=True)
+class Features:
+    """What calibration starts from."""
+
+    lines: list[FrameLines | None]
+    vertical: tuple[Array, float]
+    times: Array
+    camera: Camera
+    trajectory: Trajectory
+    segments: list[Segments]
+
+    def calibrated(self, late: float) -> Calibration | None:
+        """With image stamps that are `late` s too small, so that as much is to be added to them."""
+        times = self.times - late
+
+        def collect(offset: float) -> CalibrationFrames:
+            return collect_frames(self.lines, times + offset, self.trajectory, self.segments)
+
+        def solve(frames: CalibrationFrames) -> Calibration | None:
+            return calibrate(frames, self.camera, self.vertical, CalibrationConfig())
+
+        drive = Drive(collect, times, self.trajectory, self.camera, self.vertical, TOLERANCE * self.camera.matrix[0, 0])
+        return calibrate_with_clock(drive, solve, heading_offset(self.lines, self.vertical[0], times, self.trajectory))
 
 
-def wheels(times: Array, poses: Array, lag: float, rng: np.random.Generator) -> Trajectory:
-    """Odometry that turns 3 % too far, loses 3 degrees a metre and some at random, stamped `lag` s late."""
-    steps = between2(poses[:-1], poses[1:])
-    distance = np.hypot(steps[:, 0], steps[:, 1])
-    steps[:, 2] = 1.03 * steps[:, 2] + 0.05 * distance + 0.005 * np.sqrt(distance) * rng.normal(size=len(steps))
-    out = [np.zeros(3)]
-    for step in steps:
-        out.append(compose2(out[-1], step))
-    return Trajectory(times + lag, np.array(out))
+def features(folder: Path) -> Features:
+    sequence = open_sequence(folder)
+    camera, images, scans = sequence.camera, sequence.images, sequence.scans
+    assert camera is not None and images is not None
+    config = with_noise(scans, LidarConfig())
+    matching = match_scans(scans, None, config)
+    segments = [extract_segments(scans, i, config, matching.velocities[i]) for i in range(len(scans))]
+    found = [detect_lines(grey, camera, VisionConfig(), 0) for _, grey in iterate_images(images, camera, grey=True)
+             if grey is not None]  # fmt: skip
+    down, sigma, _ = vertical_direction(found, camera)
+    lines: list[FrameLines | None] = [relabel(f, camera, down) for f in found]
+    return Features(lines, (down, sigma), images.timestamps, camera, matching.trajectory, segments)
 
 
-def drives(lag: float, seed: int, interval: float) -> tuple[Trajectory, Trajectory]:
-    """Poses at scans, 3 mrad off each, and odometry at 5 Hz."""
-    rng = np.random.default_rng(seed)
-    stamps, ticks = np.arange(2.0, 198.0, interval), np.arange(0.0, 200.0, 0.2)
-    poses = way(stamps, seed) + rng.normal(size=(len(stamps), 3)) * [0.01, 0.01, 0.003]
-    return Trajectory(stamps, poses), wheels(ticks, way(ticks, seed), lag, rng)
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Features:
+    """Two rooms, small pictures."""
+    folder = tmp_path_factory.mktemp("clock") / "drive"
+    plan = random_plan(seed=13, rooms=2, angles="any")
+    small = replace(plan.camera, image_width=320, image_height=240, fx=250, fy=250, cx=None, cy=None, rate=2.0)
+    simulate(replace(plan, camera=small, write_odometry=False), folder, seed=13)
+    return features(folder)
 
 
-@pytest.mark.parametrize("interval", [0.2, 1.0])
-@pytest.mark.parametrize("lag", [-0.21, 0.1])
-def test_the_lag_is_found_and_its_sigma_honest(lag: float, interval: float) -> None:
-    found = [odometry_clock(*drives(lag, seed, interval)) for seed in range(6)]
-    normalised = [(clock.lag - lag) / clock.sigma for clock in found]
-    assert 0.2 < np.sqrt(np.mean(np.square(normalised))) < 3.0
-    assert max(abs(clock.lag - lag) for clock in found) < 0.02
-    assert all(clock.believed == clock.lag for clock in found)
+@pytest.mark.parametrize("late", [-0.12, 0.0, 0.08])
+def test_a_planted_offset_comes_back(simulated: Features, late: float) -> None:
+    result = simulated.calibrated(late)
+    assert result is not None
+    assert result.measured_offset == pytest.approx(late, abs=min(0.01, 4 * result.sigma_time_offset))
+    assert 0.001 < result.sigma_time_offset < 0.01
+    assert result.time_offset == (0.0 if late == 0 else result.measured_offset)
+    assert np.allclose(result.on_scan_clock(np.array([5.0])), 5.0 + result.time_offset)
 
 
-def test_no_lag_is_none() -> None:
-    """What is not significant is not used."""
-    found = [odometry_clock(*drives(0.0, seed, 1.0)) for seed in range(6)]
-    assert sum(clock.believed == 0.0 for clock in found) >= 5
-    assert max(abs(clock.lag) for clock in found) < 0.01
-    assert OdometryClock(0.1, 0.05).believed == 0.0
-    matched, odometry = drives(0.0, 0, 1.0)
-    np.testing.assert_array_equal(OdometryClock(0.3, np.inf).on_scan_clock(odometry).timestamps, odometry.timestamps)
-    assert len(matched) > 100
+def test_the_corridors_images_late_by_a_tenth_of_a_second(shared_data: Callable[[str], Path]) -> None:
+    """The camera is found as well as with the right stamps, which are left alone."""
+    seen = features(shared_data("corridor"))
+    right, shifted = seen.calibrated(0.0), seen.calibrated(0.1)
+    assert right is not None and shifted is not None
+    assert right.time_offset == 0.0 and abs(right.measured_offset) < 0.008
+    assert shifted.time_offset == pytest.approx(0.1, abs=0.008)
+    a, b = right.platform_from_camera, shifted.platform_from_camera
+    assert b.translation == pytest.approx(a.translation, abs=0.003)
+    assert np.degrees(np.arccos(min(1.0, (np.trace(a.rotation @ b.rotation.T) - 1) / 2))) < 0.05
 
 
-def test_a_straight_drive_shows_no_lag() -> None:
-    times = np.arange(0.0, 60.0, 0.5)
-    straight = np.column_stack([0.5 * times, 0 * times, 1e-4 * np.sin(times)])
-    clock = odometry_clock(Trajectory(times, straight), Trajectory(times + 0.2, straight))
-    assert (clock.lag, clock.sigma, clock.believed) == (0.0, np.inf, 0.0)
+def test_a_platform_that_never_turns_tells_no_offset(simulated: Features) -> None:
+    straight = simulated.trajectory.poses * np.array([1.0, 1.0, 0.0])
+    trajectory = Trajectory(simulated.trajectory.timestamps, straight)
+    clock = heading_offset(simulated.lines, simulated.vertical[0], simulated.times, trajectory)
+    assert clock.offset == 0.0 and not clock.sigma < 1.0 and not clock.is_significant
+    unknown = Calibration(Pose3.identity(), np.eye(6), "estimated")
+    assert "does not tell" in unknown.clock
 
 
-def test_relations_between_scans_are_read_on_the_right_clock(tmp_path: Path) -> None:
-    """Scans a second apart, relations between them: read along odometry whose lag is known, they are right."""
-    matched, odometry = drives(0.25, 3, 1.0)
-    write_planar(tmp_path / "odometry.txt", odometry)
-    first = np.arange(10.0, 180.0, 2.37)
-    truth = Relations(first, first + 3.3, between2(way(first, 3), way(first + 3.3, 3)))
-    moved, clock = given_odometry(tmp_path, matched)
-    assert clock is not None and clock.believed == pytest.approx(0.25, abs=0.02)
-    right, wrong = (relation_errors(matched, truth, o).rotation.mean for o in (moved, odometry))
-    assert right < 0.45  # scans that are off by 3 mrad each, 0.17 deg
-    assert wrong > 2 * right
-    assert given_odometry(tmp_path / "none", matched) == (None, None)
+def test_twists_of_a_turn() -> None:
+    """On a circle of 2 m at 1 m/s."""
+    t = np.arange(0.0, 6.0, 0.02)
+    poses = np.stack([2 * np.sin(t / 2), 2 - 2 * np.cos(t / 2), t / 2], axis=1)
+    twists = platform_twists(Trajectory(t, poses), np.array([1.0, 3.3]))
+    assert twists == pytest.approx(np.array([[1.0, 0.0, 0.5]] * 2), abs=2e-3)
+
+
+def test_a_baseboard_mirrored_in_the_floor_is_no_floor() -> None:
+    """Planes from high to low: the baseboard's edge, the floor 9 cm below, its picture as far below that."""
+    support = np.zeros(40)
+    support[[5, 14, 23]] = 900.0, 850.0, 600.0
+    peaks = np.array([5, 14, 23])
+    assert is_reflection(23, peaks, support)
+    assert not is_reflection(14, peaks, support)
+    support[23] = 950.0  # better seen than what it would mirror
+    assert not is_reflection(23, peaks, support)

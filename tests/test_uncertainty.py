@@ -46,7 +46,7 @@ def wall_line(start: Array, end: Array, sigma: float = 0.002, observations: int 
 
 
 def room() -> tuple[MapEstimate, Layout]:
-    """Four walls that share the platform's errors, 20 mm in x and y and 4 mrad about the origin, with 1 mm their own."""
+    """Four walls that share the platform's errors, 20 mm in x and y and 4 mrad, beside 1 mm of their own."""
     ends = list(zip(CORNERS, np.roll(CORNERS, -1, axis=0), strict=True))
     walls = tuple(wall_line(a, b) for a, b in ends)
     shared = np.zeros((8, 3))

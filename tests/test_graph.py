@@ -10,6 +10,7 @@ from graph_drive import Drive, drive, polygon, simulate
 
 from recon.config import GraphConfig
 from recon.geometry import Array, apply2, between2, compose2, wrap_angle
+from recon.graph.closures import Closures
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.graph.motion import Motion
 from recon.graph.observation import WallObservations
@@ -120,6 +121,51 @@ def test_odometry_holds_where_walls_say_nothing() -> None:
     assert 0.05 < held.pose_sigmas[-1, 0] < 1.0
     assert abs(free.trajectory.poses[-1, 0] - way) > 0.8
     assert free.pose_sigmas[-1, 0] == pytest.approx(np.hypot(0.3, 0.006) * np.sqrt(len(run.motion)), rel=0.1)
+
+
+def there_and_back(seed: int, sigma: Array) -> tuple[Drive, Closures]:
+    """Along an endless corridor and back, blind along it; three places on the way back measured from the way there."""
+    walls = np.array([[[-50.0, -1], [50, -1]], [[50, 1], [-50, 1]]])
+    run = simulate(walls, drive([(0, 0), (10, 0), (0, 0)]), seed)
+    rng = np.random.default_rng([seed, 7])
+    slip = np.outer(rng.normal(size=len(run.motion)) * 0.05, [1, 0, 0])
+    motion = Motion(run.motion.relative + slip, run.motion.covariance + np.diag([0.05**2, 0, 0]))
+    there = np.array([0, 18, 36])
+    back = len(run.truth) - 1 - there
+    relative = between2(run.truth[there], run.truth[back]) + rng.normal(size=(3, 3)) * sigma
+    covariance = np.broadcast_to(np.diag(sigma**2), (3, 3, 3)).copy()
+    return replace(run, motion=motion), Closures(there, back, relative, covariance)
+
+
+def test_closures_hold_where_walls_say_nothing_and_sigmas_stay_honest() -> None:
+    """Out and back along a blind corridor poses are as wrong as they say, and far better than without closures."""
+    squared = []
+    for seed in range(10):
+        run, closures = there_and_back(seed, np.array([0.02, 0.02, 0.004]))
+        estimate = solve_graph(run.start, run.motion, run.observations, config=FREE, closures=closures)
+        error = estimate.trajectory.poses - run.truth
+        error[:, 2] = wrap_angle(error[:, 2])
+        squared.append(np.mean((error / estimate.pose_sigmas)[1:] ** 2, axis=0))
+    free = solve_graph(run.start, run.motion, run.observations, config=FREE)
+    assert 0.015 < estimate.pose_sigmas[-1, 0] < 0.03  # the start is seen again, to 2 cm
+    assert free.pose_sigmas[-1, 0] > 10 * estimate.pose_sigmas[-1, 0]
+    assert estimate.pose_sigmas[len(run.truth) // 2, 0] < 0.8 * free.pose_sigmas[len(run.truth) // 2, 0]
+    for component in np.mean(squared, axis=0):
+        assert 0.5 < component < 2.0
+
+
+def test_closures_count_points_of_walls_once() -> None:
+    """In a room whose walls say everything, closures of the same scans make nothing surer by more than a little."""
+    run = simulate(ROOM, drive([(0, 0), (6, 0), (0, 0)]), 2)
+    back = np.arange(len(run.truth) - 8, len(run.truth))
+    there = len(run.truth) - 1 - back
+    sigma = np.array([0.002, 0.002, 0.0005])
+    covariance = np.broadcast_to(np.diag(sigma**2), (8, 3, 3)).copy()
+    closures = Closures(there, back, between2(run.truth[there], run.truth[back]), covariance)
+    with_them = solve_graph(run.start, run.motion, run.observations, config=FREE, closures=closures)
+    without = solve(run, FREE)
+    ratio = with_them.pose_sigmas[back] / without.pose_sigmas[back]
+    assert np.all(ratio > 0.7) and np.all(ratio < 1.05)
 
 
 def test_gross_outliers_bend_nothing() -> None:

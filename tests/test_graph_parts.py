@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from recon.config import LidarConfig
 from recon.geometry import Array, apply2, between2, compose2, wrap_angle
+from recon.graph.closures import Closures
 from recon.graph.intervals import covered, union
 from recon.graph.line import Lines, carry, squared_distance
 from recon.graph.merge import join, merge_labels
 from recon.graph.motion import Motion, information_beyond_walls
 from recon.graph.observation import WallObservations
-from recon.graph.optimise import optimise
+from recon.graph.optimise import optimise, repetition
 from recon.graph.problem import Problem
 from recon.graph.relations import find_axes
 from recon.graph.solve import solve_graph
@@ -176,6 +177,57 @@ def test_covariances_are_those_of_gtsam() -> None:
     rows = np.arange(3 * solution.graph.factors.size())
     # all that the graph knows is as many numbers as it has unknowns
     assert solution.covariance.leverage(rows, probes=64) == pytest.approx(3 * variables, rel=0.15)
+
+
+def test_sparse_covariances_are_the_dense_ones() -> None:
+    """Blocks, blocks between variables and what an unknown scale adds, with a closure that ties far poses together."""
+    run = simulate(polygon([(-1, -1), (4, -1.5), (4, 3), (-1, 2)]), drive([(0, 0), (2, 0.5), (0, 0)]), 0)
+    names, labels = np.unique(run.wall_of, return_inverse=True)
+    first = np.unique(labels, return_index=True)[1]
+    walls = Lines.of_observations(run.observations, run.truth)[first]
+    end, sigma = len(run.truth) - 1, np.array([0.01, 0.01, 0.002])
+    again = between2(run.truth[0], run.truth[end])[None]
+    closures = Closures(np.array([0]), np.array([end]), again, np.diag(sigma**2)[None])
+    solution = optimise(Problem(run.truth, run.motion, run.observations, labels, walls, closures=closures), True)
+    covariance, count = solution.covariance, len(run.truth) + len(names)
+    root = covariance.jacobian.toarray()
+    change, rows = np.random.default_rng(0).normal(size=30), np.arange(30, 60)
+    dense = np.linalg.inv(root.T @ root)
+    covariance.add_unknown(rows, change, 0.1)
+    moved = 0.1 * dense @ root[rows].T @ change
+    dense = dense + np.outer(moved, moved)
+    one, other = (k.reshape(-1) for k in np.meshgrid(np.arange(count), np.arange(count)))
+    blocks = dense.reshape(count, 3, count, 3)
+    np.testing.assert_allclose(covariance.between(one, other), blocks[one, :, other], rtol=1e-5, atol=1e-11)
+    own = np.arange(count)
+    np.testing.assert_allclose(covariance.blocks(), blocks[own, :, own], rtol=1e-5, atol=1e-11)
+
+
+def test_errors_that_segments_share_are_seen() -> None:
+    """Independent noise is taken as such; where every wall's segments are off together for a while, it shows."""
+    run = simulate(polygon([(-1, -1), (9, -1.5), (9, 3), (-1, 2)]), drive([(0, 0), (8, 0.5), (0, 0)]), 0)
+    labels = np.unique(run.wall_of, return_inverse=True)[1]
+    first = np.unique(labels, return_index=True)[1]
+    walls = Lines.of_observations(run.observations, run.truth)[first]
+    problem = Problem(run.truth, run.motion, run.observations, labels, walls)
+    alone = repetition(problem, optimise(problem, True))
+    np.testing.assert_array_less(alone, 1.4)
+    rng, bend = np.random.default_rng(1), np.zeros(len(labels))
+    for wall in range(len(first)):
+        rows = np.flatnonzero(labels == wall)
+        bend[rows] = np.repeat(rng.normal(size=len(rows) // 8 + 1), 8)[: len(rows)] * 0.01
+    ends = run.observations.endpoints
+    across = ends[:, 1] - ends[:, 0]
+    angle = bend[:, None] * [[-1.0, 1.0]] / 2
+    normal = np.stack([-across[:, 1], across[:, 0]], axis=1)
+    turned = WallObservations(
+        run.observations.pose,
+        ends + angle[:, :, None] * normal[:, None],
+        run.observations.covariance + np.diag([0.0, 0.01**2]),
+        run.observations.image,
+    )
+    problem = Problem(run.truth, run.motion, turned, labels, walls)
+    assert 2.5 < repetition(problem, optimise(problem, True))[1] < 16
 
 
 def test_corridor(shared_data: Any) -> None:

@@ -20,6 +20,8 @@ LENGTH = 2.4
 """... and the longer."""
 SMALLEST = 0.25
 """m; what is smaller makes no line."""
+PARTITION = 0.4
+"""m; what goes further into the room than it is wide, and is no wider than this, is a wall."""
 MEETING = 0.2
 """m between the ends of two faces of one thing."""
 SLIT = 0.5
@@ -150,8 +152,8 @@ def _behind(faces: _Faces, front: tuple[int, int], side: tuple[int, int]) -> lis
     """The wall behind a face with another at its end, where it was seen on both sides of them."""
     way, back = _away(faces, *front), _away(faces, *side)
     depth, near = faces.length(side[0]), (front[0], 1 - front[1])
-    if depth > DEPTH:
-        return []
+    if depth > DEPTH or faces.length(front[0]) < min(depth, PARTITION):
+        return []  # the end of a partition beside a passage
     reach = (depth - OVERSHOOT, min(depth + SLIT, DEPTH))
     first = faces.met(faces.end(*front), back, reach, -way)
     last = faces.met(faces.end(*near), back, reach, way)

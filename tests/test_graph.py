@@ -140,7 +140,7 @@ def there_and_back(seed: int, sigma: Array) -> tuple[Drive, Closures]:
 def test_closures_hold_where_walls_say_nothing_and_sigmas_stay_honest() -> None:
     """Out and back along a blind corridor poses are as wrong as they say, and far better than without closures."""
     squared = []
-    for seed in range(10):
+    for seed in range(20):
         run, closures = there_and_back(seed, np.array([0.02, 0.02, 0.004]))
         estimate = solve_graph(run.start, run.motion, run.observations, config=FREE, closures=closures)
         error = estimate.trajectory.poses - run.truth

@@ -39,6 +39,7 @@ COLUMNS = (
     "doors / passages / windows F1",
     "walls F1 at 5 cm",
     "offsets within 1 / 2 sigma",
+    "distances within 1 / 2 sigma",
     "CPU, s",
 )
 
@@ -106,7 +107,7 @@ def is_sound(layout: Layout) -> bool:
 
 def cells(r: Result) -> list[str]:
     """One building, in the order of the head."""
-    rooms, openings, offset = r.layout.rooms, r.layout.openings, r.layout.sigmas.offset
+    rooms, openings = r.layout.rooms, r.layout.openings
     return [
         f"{rooms.rooms.f1:.3f}",
         " / ".join(f"{c.corners.f1:.3f}" for c in rooms.corners),
@@ -115,7 +116,8 @@ def cells(r: Result) -> list[str]:
         f"{rooms.area_error:.2%}",
         " / ".join(f"{s.f1:.2f}" if s.found or s.true else "-" for s in openings.by_type.values()),
         f"{r.walls.f1[1]:.3f}",
-        f"{offset.within(1):.0%} / {offset.within(2):.0%}",
+        shares(r.layout.sigmas.offset),
+        shares(r.layout.sigmas.dimension),
         f"{r.seconds:.1f}",
     ]
 
@@ -125,8 +127,6 @@ def summary(results: list[Result]) -> list[str]:
     rooms = [r.layout.rooms for r in results]
     by_threshold = list(zip(*(room.corners for room in rooms), strict=True))
     types = [list(r.layout.openings.by_type.values()) for r in results]
-    offsets = [r.layout.sigmas.offset for r in results]
-    offset = Calibration(np.concatenate([o.ratios for o in offsets]), np.concatenate([o.errors for o in offsets]))
     return [
         f"{total([room.rooms for room in rooms]).f1:.3f}",
         " / ".join(f"{total([c.corners for c in scores]).f1:.3f}" for scores in by_threshold),
@@ -135,9 +135,16 @@ def summary(results: list[Result]) -> list[str]:
         f"{np.nanmedian([room.area_error for room in rooms]):.2%}",
         " / ".join(f"{total(list(scores)).f1:.2f}" for scores in zip(*types, strict=True)),
         f"{np.mean([r.walls.f1[1] for r in results]):.3f}",
-        f"{offset.within(1):.0%} / {offset.within(2):.0%}",
+        shares(*(r.layout.sigmas.offset for r in results)),
+        shares(*(r.layout.sigmas.dimension for r in results)),
         f"{sum(r.seconds for r in results):.1f}",
     ]
+
+
+def shares(*parts: Calibration) -> str:
+    """Share of the errors of all parts within one and within two sigmas."""
+    both = Calibration(np.concatenate([p.ratios for p in parts]), np.concatenate([p.errors for p in parts]))
+    return f"{both.within(1):.0%} / {both.within(2):.0%}" if len(both.ratios) else "-"
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ import numpy as np
 
 from recon.exporters.output import Output
 from recon.geometry import Array
-from recon.model import Layout, Model, OpeningType, Wall
-from recon.plan import label_spot, opening_ends, solid_pieces
+from recon.model import Dimension, Layout, Model, OpeningType, Wall
+from recon.plan import drawn_dimensions, label_spot, opening_ends, sigma_text, solid_pieces
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -29,6 +29,7 @@ LAYERS: dict[str, tuple[int, int]] = {
     "A-AREA-IDEN": (3, 18),
     "A-FURN": (8, 18),
     "A-ANNO-NOTE": (8, 18),
+    "A-ANNO-DIMS": (5, 13),
 }
 """Layer: AutoCAD colour number, line weight in 1/100 mm."""
 OPENING_LAYERS: dict[OpeningType, str] = {"door": "A-DOOR", "passage": "A-WALL-OPNG", "window": "A-GLAZ"}
@@ -90,6 +91,8 @@ def _draw(space: Modelspace, model: Model) -> None:
         line = space.add_line(*ends.tolist(), dxfattribs={"layer": OPENING_LAYERS[opening.type]})
         name = f"{opening.type}_{opening.id:03d}"
         line.set_xdata(APPLICATION, [(1000, name), (1040, float(opening.bottom)), (1040, float(opening.top))])
+    for dimension in drawn_dimensions(layout):
+        _draw_dimension(space, dimension)
     if model.notes:
         corner = _points(layout).min(axis=0) - [0.0, 0.5]
         style = {"layer": "A-ANNO-NOTE", "style": "RECON", "char_height": 0.15, "attachment_point": 1}
@@ -103,6 +106,15 @@ def _draw_room(space: Modelspace, name: str, polygon: Array) -> None:
     spot, _ = label_spot(polygon)
     style = {"layer": "A-AREA-IDEN", "style": "RECON", "char_height": 0.2, "attachment_point": 5}
     space.add_mtext(f"{_plain(name)}\\P{shapely.Polygon(polygon).area:.2f} m²", style).set_location(spot.tolist())
+
+
+def _draw_dimension(space: Modelspace, dimension: Dimension) -> None:
+    """Between the two walls, with the standard deviation behind the distance that the program measures itself."""
+    ends = [tuple(point.tolist()) for point in (dimension.start, dimension.end)]
+    sizes = {"dimtxt": 0.12, "dimasz": 0.08, "dimgap": 0.04, "dimdec": 3, "dimzin": 0, "dimexo": 0.0, "dimexe": 0.0}
+    style = {"layer": "A-ANNO-DIMS"}
+    text = f"<> {sigma_text(dimension.sigma)}"
+    space.add_aligned_dim(*ends, 0.0, text=text, dimstyle="Standard", override=sizes, dxfattribs=style).render()
 
 
 def _wall_data(wall: Wall) -> list[tuple[int, Any]]:

@@ -14,13 +14,25 @@ import numpy as np
 
 from recon.exporters.output import Output
 from recon.geometry import Array, rotation2
-from recon.model import Layout, Model, Opening, Room, Wall
-from recon.plan import dominant_angle, label_spot, opening_ends, solid_pieces, unseen_bodies, unseen_pieces, wall_bodies
+from recon.model import Dimension, Layout, Model, Opening, Room, Wall
+from recon.plan import (
+    dominant_angle,
+    drawn_dimensions,
+    label_spot,
+    opening_ends,
+    sigma_text,
+    solid_pieces,
+    unseen_bodies,
+    unseen_pieces,
+    wall_bodies,
+)
 
 SCALES = (20, 50, 100, 200, 250, 500, 1000, 2000, 5000)
 PAPER = (400.0, 277.0)
 """mm: the drawing is scaled to fit this (A3 less a margin)."""
 MARGIN, HEAD, FOOT = 12.0, 16.0, 20.0  # mm around the plan, for the title and for the scale bar
+SHORTEST_DIMENSION = 22.0
+"""mm on paper, a shorter line has no room for its text."""
 INK, GREY, DOOR, GLASS = "#23272e", "#8a8f98", "#a65a2a", "#3d8fc4"
 ROOM_COLOURS = ("#f3efe6", "#e9f0f4", "#eef3e8", "#f5ebea", "#efecf5", "#f6f3df")
 
@@ -36,6 +48,9 @@ def write_svg(model: Model, stem: str) -> Output:
     ET.SubElement(root, "rect", {"width": width, "height": height, "fill": "#ffffff"})
     _draw_plan(root, model.layout, sheet)
     texts = {"font-family": "Helvetica, Arial, sans-serif", "fill": INK}
+    sizes = ET.SubElement(root, "g", {"id": "dimensions", "text-anchor": "middle"} | texts)
+    for dimension in drawn_dimensions(model.layout):
+        _draw_dimension(sizes, dimension, sheet)
     labels = ET.SubElement(root, "g", {"id": "labels", "text-anchor": "middle"} | texts)
     for room in model.layout.rooms:
         _draw_label(labels, room, sheet)
@@ -159,6 +174,26 @@ def _draw_label(parent: ET.Element, room: Room, sheet: Sheet) -> None:
     size = float(np.clip(width / (0.6 * max(len(room.name), 8)), 1.2, 4.0))
     _text(parent, room.name, x, y, size, {"font-weight": "bold"})
     _text(parent, f"{shapely.Polygon(room.polygon).area:.1f} m²", x, y + 1.3 * size, 0.85 * size, {"fill": "#5a6069"})
+
+
+def _draw_dimension(parent: ET.Element, dimension: Dimension, sheet: Sheet) -> None:
+    """A line from wall to wall with distance and standard deviation, out of the way of the room's name."""
+    ends = np.stack([sheet.place(dimension.start), sheet.place(dimension.end)])
+    if ends[0, 0] > ends[1, 0] + 1e-6 or (abs(ends[0, 0] - ends[1, 0]) <= 1e-6 and ends[0, 1] < ends[1, 1]):
+        ends = ends[::-1]  # read from the left, or from below
+    step = ends[1] - ends[0]
+    length = float(np.linalg.norm(step))
+    if length < SHORTEST_DIMENSION:
+        return
+    ET.SubElement(parent, "path", {"d": _path(ends, False), "stroke": GREY, "stroke-width": "0.13"})
+    for end in ends:
+        slash = 0.8 * (step + np.array([step[1], -step[0]])) / length
+        tick = np.stack([end - slash, end + slash])
+        ET.SubElement(parent, "path", {"d": _path(tick, False), "stroke": GREY, "stroke-width": "0.13"})
+    x, y = ends[0] + 0.25 * step + 0.7 * np.array([step[1], -step[0]]) / length
+    turned = {"transform": f"rotate({_number(np.degrees(np.arctan2(step[1], step[0])), 2)} {_number(x)} {_number(y)})"}
+    text = f"{dimension.distance:.3f} {sigma_text(dimension.sigma)} m"
+    _text(parent, text, float(x), float(y), 1.9, {"fill": "#5a6069"} | turned)
 
 
 def _draw_head(parent: ET.Element, model: Model, sheet: Sheet) -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
+from xml.etree import ElementTree as ET
 
+import ezdxf
 import numpy as np
 import pytest
 
 from recon.config import Config
 from recon.errors import InputError
 from recon.evaluate.sigmas import sigma_scores
+from recon.exporters import export
 from recon.geometry import Array
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.graph.joint import Ints, WallCovariance
@@ -17,8 +21,9 @@ from recon.layout.dimensions import with_dimensions
 from recon.layout.line import PlanLine, merged_lines
 from recon.layout.uncertainty import line_covariances, with_sigmas
 from recon.layout_json import layout_from_json, layout_to_json
-from recon.model import Layout, Room, Wall
+from recon.model import Layout, Model, Room, Wall
 from recon.pipeline import build
+from recon.plan import drawn_dimensions
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
 from recon.simulate import random_plan, run_simulation
@@ -228,3 +233,20 @@ def test_simulated_walls_and_dimensions_are_as_sure_as_they_say() -> None:
         assert len(together) >= 15
         assert 0.5 < np.mean(together < 1) < 0.88, name  # 0.68 if Gaussian
         assert np.mean(together < 2) > 0.85, name
+
+
+def test_plans_print_distances_with_their_sigmas(tmp_path: Path) -> None:
+    layout = measured(*room())
+    (dimension,) = layout.dimensions
+    shorter = replace(dimension, start=np.array([4.9, 0.0]), end=np.array([4.9, 1.0]), sigma=0.0042)
+    across = replace(dimension, start=np.array([0.0, 1.5]), end=np.array([5.25, 1.5]), sigma=0.0042)
+    layout = replace(layout, dimensions=(shorter, dimension, across))
+    assert [d.sigma for d in drawn_dimensions(layout)] == [across.sigma, dimension.sigma], "the longest each way"
+    model = Model("plan", layout, ())
+    export(model, tmp_path / "plan.svg")
+    export(model, tmp_path / "plan.dxf")
+    said = f"3.000 ±{0.001 if dimension.sigma <= 0.001 else 0.002:.3f}"
+    assert {f"{said} m", "5.250 ±0.005 m"} <= set(ET.parse(tmp_path / "plan.svg").getroot().itertext())
+    found = ezdxf.readfile(tmp_path / "plan.dxf").modelspace().query("DIMENSION")
+    read = sorted((e.dxf.layer, round(e.get_measurement(), 3), e.dxf.text) for e in found)
+    assert read == [("A-ANNO-DIMS", 3.0, f"<> {said[6:]}"), ("A-ANNO-DIMS", 5.25, "<> ±0.005")]

@@ -58,13 +58,13 @@ def matched_openings(
     estimate: Layout, mine: list[Opening], truth: Layout, theirs: list[Opening]
 ) -> list[tuple[Opening, Opening]]:
     """Openings paired one to one: in walls that face the same way, their middles within MAX_DISTANCE in plan."""
-    cost = np.full((len(mine), len(theirs)), np.inf)
-    facing = [truth.wall(o.wall).normal for o in theirs]
-    for i, opening in enumerate(mine):
-        normal = estimate.wall(opening.wall).normal
-        for j, other in enumerate(theirs):
-            if normal @ facing[j] > 0.5:
-                cost[i, j] = np.linalg.norm(_middle(opening) - _middle(other))
+    middles = [np.array([_middle(o) for o in which]).reshape(-1, 2) for which in (mine, theirs)]
+    normals = [
+        np.array([layout.wall(o.wall).normal for o in which]).reshape(-1, 2)
+        for layout, which in ((estimate, mine), (truth, theirs))
+    ]
+    cost = np.linalg.norm(middles[0][:, None] - middles[1][None], axis=2)
+    cost[normals[0] @ normals[1].T < 0.5] = np.inf
     rows, columns = match(cost, MAX_DISTANCE)
     return [(mine[i], theirs[j]) for i, j in zip(rows.tolist(), columns.tolist(), strict=True)]
 

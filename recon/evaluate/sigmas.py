@@ -88,16 +88,19 @@ def dimension_scores(estimate: Layout, truth: Layout) -> Calibration:
 
 def counterpart(wall: Wall, others: tuple[Wall, ...]) -> Wall | None:
     """The nearest wall of `others` along which half of `wall` lies, turned by less than MAX_ANGLE and near it."""
-    best, least = None, MAX_OFFSET
-    for other in others:
-        if abs(turn(wall, other)) > MAX_ANGLE:
-            continue
-        low, high = sorted(float((end - other.start) @ other.direction) for end in (wall.start, wall.end))
-        shared = min(high, other.length) - max(low, 0.0)
-        distance = abs(float(((wall.start + wall.end) / 2 - other.start) @ other.normal))
-        if shared >= MIN_SHARED * wall.length and distance <= least:
-            best, least = other, distance
-    return best
+    if not others:
+        return None
+    start, end = np.array([other.start for other in others]), np.array([other.end for other in others])
+    length = np.maximum(np.linalg.norm(end - start, axis=1), 1e-12)
+    along = (end - start) / length[:, None]
+    cross = along[:, 0] * wall.direction[1] - along[:, 1] * wall.direction[0]
+    turned = np.abs(np.arctan2(cross, along @ wall.direction))
+    ends = np.sort([np.sum((point - start) * along, axis=1) for point in (wall.start, wall.end)], axis=0)
+    shared = np.minimum(ends[1], length) - np.maximum(ends[0], 0.0)
+    offset = (wall.start + wall.end) / 2 - start
+    distance = np.abs(along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0])
+    ok = (turned <= MAX_ANGLE) & (shared >= MIN_SHARED * wall.length) & (distance <= MAX_OFFSET)
+    return others[int(np.where(ok, distance, np.inf).argmin())] if ok.any() else None
 
 
 def turn(wall: Wall, other: Wall) -> float:

@@ -20,9 +20,20 @@ from recon.geometry import Array, Pose3, apply2, between2, inverse2
 from recon.sequence.camera import DistortionModel
 from recon.sequence.folder import read_sequence
 from recon.sequence.groundtruth import read_groundtruth
-from recon.simulate import Plan, Simulation, random_plan, run_simulation, simulate, simulate_file, simulate_scans
+from recon.simulate import (
+    Plan,
+    Simulation,
+    office_plan,
+    random_plan,
+    run_simulation,
+    simulate,
+    simulate_file,
+    simulate_scans,
+)
 from recon.simulate.check import check_plan
 from recon.simulate.drive import drive_path
+from recon.simulate.lidar import Slice, cast
+from recon.simulate.openings import niches
 from recon.simulate.plan import PlanCamera, PlanLidar, PlanOdometry, PlanOpening, PlanRoom
 from recon.simulate.render import Exposure, Renderer
 from recon.simulate.simulation import image_poses
@@ -442,3 +453,65 @@ def test_the_sample_plan_simulates_with_all_its_kinds_of_things() -> None:
     assert len(simulation.layout.objects) == len(plan.objects) + sum(o.open for o in plan.openings)
     valid = np.mean([simulation.scans.valid(i).mean() for i in range(len(simulation.scans))])
     assert 0.95 < valid < 1.0
+
+
+# a big office
+
+
+@pytest.mark.parametrize(("seed", "rooms", "variety"), [(0, 12, 0.0), (1, 25, 1.0), (2, 40, 0.5)])
+def test_an_office_has_rooms_apart_all_within_reach_and_corridors_that_loop(
+    seed: int, rooms: int, variety: float
+) -> None:
+    plan = office_plan(seed, rooms, 30.0 * rooms, variety, 0.4)
+    check_plan(plan)
+    assert plan == office_plan(seed, rooms, 30.0 * rooms, variety, 0.4)
+    shapes = [shapely.Polygon(room.polygon) for room in plan.rooms]
+    offices = [shape for shape, room in zip(shapes, plan.rooms, strict=True) if room.name.startswith("room")]
+    assert len(offices) == rooms
+    assert all(a.distance(b) > 0.19 for i, a in enumerate(shapes) for b in shapes[:i])
+    doors = [n for n in niches(plan) if n.closed == "nothing"]
+    holes = [shapely.Polygon(np.concatenate([n.front, n.back[::-1]])).buffer(1e-3) for n in doors]
+    whole = shapely.union_all([*shapes, *holes])
+    assert whole.geom_type == "Polygon" and len(whole.interiors) >= 1, "one piece, with ways round"
+    path = shapely.LineString(plan.path)
+    assert all(path.intersects(office.buffer(-0.9)) for office in offices)
+    assert drive_path(plan).lengths.sum() == pytest.approx(30.0 * rooms, rel=0.1)
+    widths = [office.bounds[2] - office.bounds[0] for office in offices if office.area > 0]
+    assert (np.ptp(widths) < 1e-3) == (variety == 0.0)
+
+
+def test_office_numbers_out_of_range() -> None:
+    for arguments in ((0, 11), (0, 401), (0, 20, 5.0), (0, 20, 100.0, 1.5)):
+        with pytest.raises(InputError, match="office_plan: rooms"):
+            office_plan(*arguments)
+
+
+def test_long_drives_are_simulated_block_by_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exact ranges do not depend on how many scans are made at once."""
+    plan = dataclasses.replace(office_plan(3, 12, 40.0), lidar=dataclasses.replace(EXACT, beams=90))
+    whole = simulate_scans(plan)[0].ranges
+    monkeypatch.setattr("recon.simulate.lidar.BLOCK", 7)
+    assert len(whole) > 14
+    np.testing.assert_array_equal(simulate_scans(plan)[0].ranges, whole)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6))
+def test_rays_through_the_grid_hit_what_all_segments_tried_one_by_one_give(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ends = rng.uniform(0, 20, (30, 1, 2)) + rng.normal(0, 3, (30, 2, 2))
+    ends[:5, 1, 0] = ends[:5, 0, 0]
+    scene = Slice(ends.reshape(30, 4), np.zeros(30, np.bool_), np.arange(30))
+    origins, angle = rng.uniform(-10, 30, (200, 2)), rng.uniform(-np.pi, np.pi, 200)
+    angle[:20] = np.round(angle[:20] / (np.pi / 2)) * np.pi / 2
+    directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    distance, index = cast(scene, origins, directions)
+    along, rays = ends[:, 1] - ends[:, 0], directions[:, None]
+    to = ends[None, :, 0] - origins[:, None]
+    cross = rays[..., 0] * along[:, 1] - rays[..., 1] * along[:, 0]
+    t = (to[..., 0] * along[:, 1] - to[..., 1] * along[:, 0]) / cross
+    share = (to[..., 0] * rays[..., 1] - to[..., 1] * rays[..., 0]) / cross
+    t[(share < 0) | (share > 1) | (t <= 0)] = np.inf
+    np.testing.assert_allclose(distance, t.min(axis=1), rtol=1e-9)
+    hit = np.isfinite(distance)
+    assert np.array_equal(index[hit], t.argmin(axis=1)[hit]) and (index[~hit] == -1).all() and hit.any()

@@ -54,9 +54,9 @@ class LoopSearch:
     """Poses (M, 3) of the submaps and the closures found so far."""
 
     def __init__(self, submaps: Submaps, poses: Array, chain: Edges, config: LidarConfig, workers: int = 1) -> None:
-        self._submaps, self._chain = submaps, chain
+        self._submaps, self._chain, self._workers = submaps, chain, workers
+        self._poses, self._config = poses, config
         self._start = poses[submaps.anchor_scans]
-        self._closers = [Closer(submaps, poses, config) for _ in range(workers)]
         self._tried: dict[tuple[int, int], Array] = {}
         self._found: list[Closure] = []
         self.nodes = self._start.copy()
@@ -69,9 +69,10 @@ class LoopSearch:
 
     def run(self) -> None:
         """All rounds."""
+        closers = [Closer(self._submaps, self._poses, self._config) for _ in range(self._workers)]
         for reach, rounds in REACHES:
             for _ in range(rounds):
-                new = self._search(self.candidates(reach))
+                new = _search(self.candidates(reach), closers)
                 if not new:
                     break
                 self._found.extend(new)
@@ -112,17 +113,6 @@ class LoopSearch:
                 break
         return out
 
-    def _search(self, candidates: list[Candidate]) -> list[Closure]:
-        """The candidates that were found; every worker looks for a run of them, with grids of its own."""
-        runs = np.array_split(np.arange(len(candidates)), len(self._closers))
-
-        def look(number: int) -> list[Closure | None]:
-            closer, mine = self._closers[number], [candidates[i] for i in runs[number]]
-            return [closer.find(c.second, c.first, c.guess, c.window) for c in mine]
-
-        found = threaded(look, list(range(len(runs))), len(runs))
-        return [closure for run in found for closure in run if closure is not None]
-
     def _settle(self) -> None:
         """The closures that belong together, and the poses that follow."""
         everything = Edges(
@@ -134,3 +124,15 @@ class LoopSearch:
         likely = everything[agreeing(everything, self._start, self._submaps.driven)]
         self.nodes, kept = solve_consistent(self.nodes, self._chain, likely)
         self.closures = likely[kept]
+
+
+def _search(candidates: list[Candidate], closers: list[Closer]) -> list[Closure]:
+    """The candidates that were found; every closer looks for a run of them, with grids of its own."""
+    runs = np.array_split(np.arange(len(candidates)), len(closers))
+
+    def look(number: int) -> list[Closure | None]:
+        mine = [candidates[i] for i in runs[number]]
+        return [closers[number].find(c.second, c.first, c.guess, c.window) for c in mine]
+
+    found = threaded(look, list(range(len(runs))), len(runs))
+    return [closure for run in found for closure in run if closure is not None]

@@ -29,7 +29,11 @@ ROWS = 4
 """Kinds of residuals that there is room for at least."""
 SHOWN = 0.02
 """Part of the picture's width that the largest ellipse takes up."""
+LEAST = 0.02
+"""Standard deviations: smaller residuals are drawn here."""
 INK, SOFT, PATH, RIGHT, WRONG, LOOP = "#1c1e21", "#9aa0a6", "#1f6feb", "#f0a35e", "#c62828", "#2e9e4f"
+
+KINDS = {"lidar": PATH, "image": WRONG, "motion": LOOP, "odometry": RIGHT}
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Truth:
 class Drawing:
     """What is drawn. sigmas: (N, 3) m, m, rad of the poses, or (0, 3). closures: (L, 2, 2) m, ends of each.
 
-    residuals: root mean square of normalised residuals by kind of factor.
+    residuals: root mean square of normalised residuals by kind of factor; scan_residuals: (N,) those of every scan.
     """
 
     trajectory: Trajectory
@@ -60,6 +64,7 @@ class Drawing:
     closures: Array
     residuals: dict[str, float]
     truth: Truth = field(default_factory=Truth)
+    scan_residuals: dict[str, Array] = field(default_factory=dict)
 
 
 def check_suffix(path: Path) -> None:
@@ -84,23 +89,28 @@ def render_drawing(drawing: Drawing, kind: str) -> bytes:
     undated: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "recon", "font.size": 9.0}):
-        figure = Figure(figsize=(13.0, 7.5), layout="constrained")
+        figure = Figure(figsize=(13.0, 8.5), layout="constrained")
         _draw(figure, drawing)
         figure.savefig(buffer, format=kind, dpi=DPI, metadata=undated.get(kind, {}))
     return buffer.getvalue()
 
 
 def _draw(figure: Figure, drawing: Drawing) -> None:
-    grid = figure.add_gridspec(3, 2, width_ratios=[2.2, 1.0])
+    rows = 4 if drawing.scan_residuals else 3
+    grid = figure.add_gridspec(rows, 2, width_ratios=[2.2, 1.0])
     _map(figure.add_subplot(grid[:, 0]), drawing)
-    top, middle, bottom = (figure.add_subplot(grid[k, 1]) for k in range(3))
+    top, middle, bottom, *last = (figure.add_subplot(grid[k, 1]) for k in range(rows))
     if len(drawing.truth.relations):
         _shares(top, drawing.truth.relations[:, 0], "error of relative position, m")
         _shares(middle, drawing.truth.relations[:, 1], "error of relative heading, deg")
     else:
         _position(top, drawing)
         _heading(middle, drawing)
-    _residuals(bottom, drawing.residuals)
+    if last:
+        _over_the_drive(bottom, drawing)
+        _histogram(last[0], drawing)
+    else:
+        _residuals(bottom, drawing.residuals)
 
 
 def _map(axes: Axes, drawing: Drawing) -> None:
@@ -188,6 +198,31 @@ def _shares(axes: Axes, errors: Array, label: str) -> None:
     axes.set_xlabel(label)
     axes.set_ylabel("part of the relations")
     axes.legend(loc="lower right", frameon=False, fontsize=8)
+
+
+def _over_the_drive(axes: Axes, drawing: Drawing) -> None:
+    """Residuals of every scan over time since the first."""
+    times = drawing.trajectory.timestamps - drawing.trajectory.timestamps[0]
+    for name, values in drawing.scan_residuals.items():
+        axes.plot(times, np.clip(values, LEAST, None), ".", color=KINDS[name], markersize=1.5)
+    axes.axhline(1.0, color=INK, linewidth=0.6)
+    axes.set_yscale("log")
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("residual, sigmas")
+
+
+def _histogram(axes: Axes, drawing: Drawing) -> None:
+    """How many scans have which residual; 1 is as expected."""
+    edges = np.geomspace(LEAST, 100.0, 60)
+    for name, values in drawing.scan_residuals.items():
+        known = np.clip(values[np.isfinite(values)], edges[0], edges[-1])
+        label = f"{name}, rms {drawing.residuals[name]:.2f}" if name in drawing.residuals else name
+        axes.hist(known, edges.tolist(), histtype="step", color=KINDS[name], linewidth=1.2, label=label)
+    axes.axvline(1.0, color=INK, linewidth=0.6)
+    axes.set_xscale("log")
+    axes.set_xlabel("residual of a scan, root mean square in standard deviations")
+    axes.set_ylabel("scans")
+    axes.legend(loc="best", frameon=False, fontsize=8)
 
 
 def _residuals(axes: Axes, residuals: dict[str, float]) -> None:

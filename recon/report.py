@@ -101,7 +101,12 @@ def _drawing(build: Build) -> str:
     estimate = build.estimate
     places = estimate.trajectory.poses[estimate.closures, :2]
     drawing = Drawing(
-        estimate.trajectory, estimate.pose_sigmas, build.model.layout.walls, places, dict(estimate.residuals)
+        estimate.trajectory,
+        estimate.pose_sigmas,
+        build.model.layout.walls,
+        places,
+        dict(estimate.residuals),
+        scan_residuals=estimate.scan_residuals,
     )
     data = _base64(render_drawing(drawing, "png"))
     return f'<img class="plan" alt="Trajectory and accuracy" src="data:image/png;base64,{data}">'

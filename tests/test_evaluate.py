@@ -25,7 +25,7 @@ from recon.geometry import Array, Pose3, compose2, inverse2
 from recon.graph.estimate import MapEstimate
 from recon.layout_json import layout_to_json
 from recon.model import Layout, Wall
-from recon.results.accuracy import read_closures, read_sigmas, write_accuracy
+from recon.results.accuracy import read_closures, read_scan_residuals, read_sigmas, write_accuracy
 from recon.sequence.extrinsics import write_extrinsics
 from recon.sequence.trajectory import Trajectory
 from recon.sequence.tum import write_planar
@@ -234,7 +234,10 @@ def result(tmp_path: Path) -> tuple[Path, Path]:
     write_planar(folder / "trajectory.txt", estimate)
     (folder / "layout.json").write_text(json.dumps(layout_to_json(Layout(SQUARE, (), ceiling_height=2.53))))
     (folder / "metrics.json").write_text(json.dumps({"residuals": {"lidar": 0.97, "odometry": 1.1}}))
-    write_accuracy(folder, MapEstimate(estimate, np.full((150, 3), 0.02), (), closures=np.array([[3, 120], [10, 90]])))
+    rng = np.random.default_rng(1)
+    by_scan = {"lidar": rng.gamma(9, 1 / 9, 150), "odometry": np.where(np.arange(150) > 0, 1.1, np.nan)}
+    pairs = np.array([[3, 120], [10, 90]])
+    write_accuracy(folder, MapEstimate(estimate, np.full((150, 3), 0.02), (), closures=pairs, scan_residuals=by_scan))
     return sequence, folder
 
 
@@ -294,7 +297,7 @@ def test_plot_is_a_picture_and_the_same_again(suffix: str, result: tuple[Path, P
 
 def test_plot_needs_no_sigmas_closures_or_residuals(result: tuple[Path, Path], tmp_path: Path) -> None:
     """Results of other programs: a trajectory and a layout."""
-    for name in ("pose_sigmas.txt", "loop_closures.txt", "metrics.json"):
+    for name in ("pose_sigmas.txt", "loop_closures.txt", "residuals.txt", "metrics.json"):
         (result[1] / name).unlink()
     (result[0] / "groundtruth" / "relations.txt").unlink()
     plot_result(*result, tmp_path / "plot.png")
@@ -307,6 +310,11 @@ def test_sigmas_and_closures_are_read_back(result: tuple[Path, Path]) -> None:
     np.testing.assert_allclose(sigmas[:, 0], stamps, atol=1e-6)
     np.testing.assert_allclose(sigmas[:, 1:], 0.02)
     np.testing.assert_allclose(read_closures(result[1]), stamps[[[3, 120], [10, 90]]], atol=1e-6)
+    by_scan = read_scan_residuals(result[1])
+    assert list(by_scan) == ["lidar", "odometry"]  # no image, no motion
+    assert np.isnan(by_scan["odometry"][0])
+    np.testing.assert_allclose(by_scan["odometry"][1:], 1.1)
+    assert by_scan["lidar"].mean() == pytest.approx(1.0, abs=0.1)
 
 
 def test_command_line(result: tuple[Path, Path], tmp_path: Path, run_recon: Callable[..., Any]) -> None:
@@ -330,6 +338,8 @@ def test_command_line(result: tuple[Path, Path], tmp_path: Path, run_recon: Call
         ("drive.recon/layout.json", '{"version": 9}', ["drive.recon/layout.json", "version is 9"]),
         ("drive.recon/pose_sigmas.txt", "1.0 0.1 0.1 0.1\n", ["pose_sigmas.txt", "1 poses, expected 150"]),
         ("drive.recon/pose_sigmas.txt", "1.0 0.1 -0.1 0.1\n", ["pose_sigmas.txt", "negative"]),
+        ("drive.recon/residuals.txt", "1.0 2.0\n", ["residuals.txt:1", "2 columns"]),
+        ("drive.recon/residuals.txt", "1.0 1 1 1 1\n", ["residuals.txt", "a row for each of 150 poses"]),
         ("drive.recon/loop_closures.txt", "1.0 a\n", ["loop_closures.txt:1", "not all numbers"]),
         ("drive.recon/metrics.json", '{"residuals": {"lidar": "good"}}', ["metrics.json", "damaged"]),
         ("drive.recon/extrinsics.yaml", "platform_from_camera: 3\n", ["drive.recon/extrinsics.yaml"]),

@@ -11,7 +11,7 @@ from recon.errors import InputError
 from recon.evaluate.relations import given_odometry, poses_at, relation_residuals
 from recon.evaluate.trajectory import associate
 from recon.geometry import Array, align2, compose2, wrap_angle
-from recon.results.accuracy import read_closures, read_sigmas
+from recon.results.accuracy import read_closures, read_scan_residuals, read_sigmas
 from recon.results.reader import load_layout, load_residuals
 from recon.sequence.groundtruth import GroundTruth, read_groundtruth
 from recon.sequence.trajectory import Trajectory
@@ -31,6 +31,9 @@ def plot_result(sequence: Path, result: Path, path: Path) -> None:
     sigmas = read_sigmas(result)
     if len(sigmas) not in (0, len(trajectory)):
         raise InputError(f"{result / 'pose_sigmas.txt'}: {len(sigmas)} poses, expected {len(trajectory)}")
+    by_scan = read_scan_residuals(result)
+    if any(len(values) != len(trajectory) for values in by_scan.values()):
+        raise InputError(f"{result / 'residuals.txt'}: expected a row for each of {len(trajectory)} poses")
     odometry, _ = given_odometry(sequence, trajectory)
     drawing = Drawing(
         trajectory,
@@ -39,6 +42,7 @@ def plot_result(sequence: Path, result: Path, path: Path) -> None:
         _closures(trajectory, read_closures(result)),
         load_residuals(result),
         _truth(truth, trajectory, odometry),
+        by_scan,
     )
     save_drawing(drawing, path)
 

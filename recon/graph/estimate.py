@@ -65,6 +65,7 @@ class MapEstimate:
     pose_sigmas: (N, 3) one standard deviation of x, y (m) and yaw (rad), relative to the first pose.
     odometry_scale: estimated factor true / reported of the given odometry's distances, None without odometry.
     residuals: root mean square of normalised residuals by kind of factor (1 = as expected).
+    scan_residuals: the same of every scan (N,), nan where it has no factor of the kind.
     tape: (T,) m, solved distances between the walls that were measured by hand.
     survey: how map and surveyed control points fit, None without any.
     odometry_clock: the lag of the given odometry behind the scans, None without odometry.
@@ -79,6 +80,7 @@ class MapEstimate:
     residuals: dict[str, float] = field(default_factory=dict)
     tape: Array = field(default_factory=lambda: np.zeros(0))
     survey: Survey | None = None
+    scan_residuals: dict[str, Array] = field(default_factory=dict)
     odometry_clock: OdometryClock | None = None
     closures: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joint: WallCovariance | None = None

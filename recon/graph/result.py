@@ -12,9 +12,9 @@ from recon.graph.intervals import supported
 from recon.graph.joint import WallCovariance
 from recon.graph.line import Difference, Lines, carry
 from recon.graph.observation import WallObservations
-from recon.graph.optimise import Solution, motion_residuals, wall_residuals
+from recon.graph.optimise import Solution, wall_residuals
 from recon.graph.problem import Problem
-from recon.graph.tape import tape_spans
+from recon.graph.residuals import residuals, tape_distances
 from recon.model import Source
 from recon.sequence.trajectory import Trajectory
 
@@ -24,6 +24,8 @@ LEAST_SIGHTINGS = 3
 """Scans, or images, that must see a wall."""
 SHADOW = 0.12
 """m: of two parallel faces closer than this, seen along the same stretch from the same side, one is not there."""
+SAME, SAME_TURN = 0.04, 0.03
+"""m and rad: nearer still, they are one, seen twice with the scanner's own errors."""
 
 
 def sightings(labels: Ints, observations: WallObservations, walls: int, scans: int) -> tuple[Ints, Ints]:
@@ -55,6 +57,7 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
             numbers.append(number)
             middles.append((intervals[0, 0] + intervals[-1, 1]) / 2)
     scale = None if problem.odometry is None else problem.odometry.scale
+    whole, by_scan = residuals(problem, solution)
     kept = unshadowed(walls)
     chosen = np.isin([id(wall) for wall in walls], [id(wall) for wall in kept])
     return MapEstimate(
@@ -62,8 +65,9 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
         pose_sigmas(poses, blocks[: len(poses)]),
         kept,
         scale,
-        residuals(problem, solution),
+        whole,
         tape_distances(problem, solution),
+        scan_residuals=by_scan,
         joint=WallCovariance(solution, np.array(numbers, np.int64)[chosen], np.array(middles)[chosen]),
     )
 
@@ -100,31 +104,11 @@ def pose_sigmas(poses: Array, blocks: Array) -> Array:
     return np.sqrt(np.maximum(variance, 0))
 
 
-def tape_distances(problem: Problem, solution: Solution) -> Array:
-    """(T,) m: solved distances between the walls that were measured by hand."""
-    if problem.tape is None:
-        return np.zeros(0)
-    return np.abs(tape_spans(problem.tape, problem.walls, solution.walls)[1].signed)
-
-
-def residuals(problem: Problem, solution: Solution) -> dict[str, float]:
-    """Root mean square normalised residual, per degree of freedom, by kind of factor."""
-    squared = wall_residuals(problem, solution)
-    image = problem.observations.image >= 0
-    kinds = {"lidar": (squared[~image], 2), "image": (squared[image], 2)}
-    motions = {"motion": problem.motion}
-    if problem.odometry is not None:
-        motions["odometry"] = problem.odometry.motion
-    for name, motion in motions.items():
-        kinds[name] = (motion_residuals(motion.relative, motion.covariance, solution.poses), 3)
-    if problem.tape is not None:
-        off = (tape_distances(problem, solution) - problem.tape.distance) / problem.tape.sigma
-        kinds["tape"] = (off**2, 1)
-    return {name: float(np.sqrt(np.mean(d) / dof)) for name, (d, dof) in kinds.items() if len(d)}
-
-
 def unshadowed(walls: list[WallLine]) -> tuple[WallLine, ...]:
-    """Without walls just before or behind which a wall seen far more often runs along most of their length."""
+    """Without walls just before or behind which a wall seen far more often runs along most of their length.
+
+    Of walls that all but coincide the one seen most often stays.
+    """
     if not walls:
         return ()
     pose, seen = np.array([w.pose for w in walls]), np.array([w.observations for w in walls])
@@ -133,7 +117,8 @@ def unshadowed(walls: list[WallLine]) -> tuple[WallLine, ...]:
         turn = np.abs(wrap_angle(wall.pose[2] - pose[:, 2]))
         to = wall.pose[:2] - pose[:, :2]
         offset = np.abs(np.cos(pose[:, 2]) * to[:, 1] - np.sin(pose[:, 2]) * to[:, 0])
-        beside = np.flatnonzero((seen > 2 * wall.observations) & (turn <= 0.15) & (offset <= SHADOW))
+        same = (seen > wall.observations) & (turn <= SAME_TURN) & (offset <= SAME)
+        beside = np.flatnonzero(same | ((seen > 2 * wall.observations) & (turn <= 0.15) & (offset <= SHADOW)))
         if not any(_covers(walls[k], wall) for k in beside):
             kept.append(wall)
     return tuple(kept)

@@ -34,8 +34,8 @@ GAP = 5.0
 STRAY = 1.0
 """m/s: how far from the prediction a platform may be where nothing tells: it does not jump."""
 
-STRONGEST = 80
-"""Corners whose patches say roughly how far it was."""
+PATCHES = 80
+"""Corners, strong and weak ones, whose patches say roughly how far it was."""
 
 Load = Callable[[int], NDArray[np.uint8] | None]
 
@@ -195,7 +195,7 @@ def _slide(
     points = on_surfaces(rays, pose, walls)
     known = np.isfinite(points[:, 0])
     corners, rays, points = corners[known], rays[known], points[known]
-    way = likely_way(first, second, corners[:STRONGEST], step, seconds, guess, pose, camera, walls)
+    way = likely_way(first, second, corners[:: len(corners) // PATCHES + 1], step, seconds, guess, pose, camera, walls)
     if way is None:
         return None
     predicted = project(points, step.relative(np.array([way, 0.0, 0.0])), pose, camera)

@@ -19,14 +19,14 @@ from recon.sequence.camera import Camera
 MAX_SPEED, MAX_REVERSE = 2.5, 1.0  # m/s
 SPACING = 0.03  # m between ways that are tried
 MOST_WAYS = 80
-NEAR = 0.3  # m around a way that is guessed, at least
 PATCH = 2.0 * np.stack(np.meshgrid(np.arange(-2, 3), np.arange(-2, 3)), axis=-1).reshape(-1, 2)  # px
 BLUR = 1.0  # px
 FLAT = 2.0  # grey values: patches with less contrast say nothing
 MIN_PATCHES = 8
 MIN_SCORE = 0.3
-MARGIN = 0.12  # by which the best score must exceed the next way's
+MARGIN = 0.08  # by which the best score must exceed the next way's
 UNLIKELY = 0.1  # of score that a way one standard deviation from the known speed loses, four times that at two
+WORST = 0.25  # of score that any way loses at most: a speed that was wrong must not hold
 CHANGE = 0.5  # m/s^2: standard deviation of how fast a known speed changes
 
 
@@ -58,7 +58,7 @@ def likely_way(
     None where nothing agrees, or where several ways do equally well (tiles, and nothing else) and the speed before
     does not tell them apart. segments: (M, 2, 2) m, feet of walls in the first platform frame.
     """
-    ways = _ways(seconds, guess)
+    ways = _ways(seconds)
     score = _scores(_soft(first), _soft(second), corners, step, ways, pose, camera, segments)
     peak = np.flatnonzero((score[1:-1] >= score[:-2]) & (score[1:-1] > score[2:])) + 1
     peak = peak[score[peak] > MIN_SCORE]
@@ -66,18 +66,16 @@ def likely_way(
         return None
     likely = score[peak]
     if guess is not None:
-        likely = likely - UNLIKELY * ((ways[peak] - guess.speed * seconds) / guess.spread(seconds)) ** 2
+        off = (ways[peak] - guess.speed * seconds) / guess.spread(seconds)
+        likely = likely - np.minimum(UNLIKELY * off**2, WORST)
     order = np.argsort(-likely)
     if len(order) > 1 and likely[order[0]] - likely[order[1]] < MARGIN:
         return None
     return float(ways[peak[order[0]]])
 
 
-def _ways(seconds: float, guess: Guess | None) -> Array:
+def _ways(seconds: float) -> Array:
     low, high = -MAX_REVERSE * seconds, MAX_SPEED * seconds
-    if guess is not None:
-        reach = max(NEAR, 3 * guess.spread(seconds))
-        low, high = max(low, guess.speed * seconds - reach), min(high, guess.speed * seconds + reach)
     return np.linspace(low, high, int(np.clip((high - low) / SPACING, 8, MOST_WAYS)))
 
 
@@ -107,7 +105,8 @@ def _scores(
         seen = project(points.reshape(-1, 3), step.relative(np.array([way, 0.0, 0.0])), pose, camera)
         other = _sample(second, seen).reshape(len(points), -1)
         alike = _correlation(one, other)
-        score[i] = np.mean([_mean(alike[k]) for k in kinds])
+        means = [m for k in kinds if (m := _mean(alike[k])) is not None]
+        score[i] = np.mean(means) if means else 0.0
     return score
 
 
@@ -115,10 +114,10 @@ def _soft(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), BLUR), dtype=np.uint8)
 
 
-def _mean(alike: Array) -> float:
-    """Of the patches that are in the picture; 0 where few are."""
+def _mean(alike: Array) -> float | None:
+    """Of the patches that are in the picture; None where few are."""
     seen = np.isfinite(alike)
-    return float(alike[seen].mean()) if seen.sum() >= MIN_PATCHES // 2 else 0.0
+    return float(alike[seen].mean()) if seen.sum() >= MIN_PATCHES // 2 else None
 
 
 def _sample(image: NDArray[np.uint8], pixels: Array) -> Array:

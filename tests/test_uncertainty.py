@@ -18,7 +18,9 @@ from recon.geometry import Array
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.graph.joint import Ints, WallCovariance
 from recon.layout.dimensions import with_dimensions
-from recon.layout.line import PlanLine, merged_lines
+from recon.layout.line import NONE, PlanLine, merged_lines
+from recon.layout.returns import Returns
+from recon.layout.surface import with_surfaces
 from recon.layout.uncertainty import line_covariances, with_sigmas
 from recon.layout_json import layout_from_json, layout_to_json
 from recon.model import Layout, Model, Room, Wall
@@ -250,3 +252,24 @@ def test_plans_print_distances_with_their_sigmas(tmp_path: Path) -> None:
     found = ezdxf.readfile(tmp_path / "plan.dxf").modelspace().query("DIMENSION")
     read = sorted((e.dxf.layer, round(e.get_measurement(), 3), e.dxf.text) for e in found)
     assert read == [("A-ANNO-DIMS", 3.0, f"<> {said[6:]}"), ("A-ANNO-DIMS", 5.25, "<> ±0.005")]
+
+
+def uneven_wall(rng: np.random.Generator, deviation: float) -> tuple[PlanLine, Returns, float]:
+    """A wall of 8 m whose half metres stand out by `deviation` (m), 40 returns on each; and the offset of a fit."""
+    x = rng.uniform(-4, 4, 640)
+    y = rng.normal(0, deviation, 16)[np.floor((x + 4) / 0.5).astype(int)] + rng.normal(0, 0.006, 640)
+    line = PlanLine(np.zeros(2), np.array([1.0, 0.0]), np.array([[-4.0, 4.0]]), NONE, 0.0003, 0.0001, "lidar", 16)
+    starts = np.tile([0.0, 2.0], (640, 1))
+    return line, Returns(starts, np.stack([x, y], axis=1)), float(np.polyfit(x, y, 1)[1])
+
+
+def test_boards_on_a_wall_widen_its_sigma_and_noise_does_not() -> None:
+    rng, fits, sigmas, flat = np.random.default_rng(3), [], [], []
+    for _ in range(60):
+        line, returns, fit = uneven_wall(rng, 0.005)
+        fits.append(fit)
+        sigmas.append(with_surfaces([line], returns)[0].sigma_offset)
+        line, returns, _ = uneven_wall(rng, 0.0)
+        flat.append(with_surfaces([line], returns)[0].sigma_offset)
+    assert np.sqrt(np.mean(np.square(sigmas))) == pytest.approx(np.std(fits), rel=0.3)
+    assert np.mean(np.array(flat) == 0.0003) > 0.9

@@ -26,6 +26,7 @@ from recon.layout.returns import Returns
 from recon.layout.rooms import regions, room_names, simple_polygons
 from recon.layout.sight import within_sight
 from recon.layout.simplify import simplified
+from recon.layout.surface import with_surfaces
 from recon.layout.thickness import with_thickness, without_openings
 from recon.layout.uncertainty import with_sigmas
 from recon.layout.visited import visited_space
@@ -48,11 +49,13 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     lines = within_sight(with_returns(lines, space), path)
     lines = without_leaves(lines, space)
     lines = without_clutter(absorb_steps(without_blocks(lines, space)), space)
+    returns = Returns(starts, ends)
+    lines = with_surfaces(lines, returns)
     visited = visited_space(space, [line for line in lines if is_sure(line)], path)
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
     walls, owner, rooms = _walls_and_rooms(cells, lines, space, visited, path)
-    openings = find_openings(walls, Returns(starts, ends), space, path)
+    openings = find_openings(walls, returns, space, path)
     walls = with_thickness(walls)
     openings += find_windows(walls, rooms, openings, estimate.trajectory, scans)
     walls = without_openings(walls, openings)

@@ -36,7 +36,8 @@ class PlanLine:
     (K, 2) stretches that something before the wall hides.
 
     parts: the walls of the estimate behind the line, each with how the line's (offset, angle) follow its own, (2, 2).
-    mixed: covariance of offset and angle, m rad.
+    mixed: covariance of offset and angle, m rad. surface: (2, 2) what the unevenness of its wall adds to a line's
+    covariance of offset and angle.
     """
 
     origin: Array
@@ -52,6 +53,7 @@ class PlanLine:
     hidden: Array = field(default_factory=lambda: NONE)
     parts: tuple[tuple[int, Array], ...] = ()
     mixed: float = 0.0
+    surface: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
     @cached_property
     def normal(self) -> Array:

@@ -30,8 +30,8 @@ def line_covariances(first: Sequence[PlanLine], second: Sequence[PlanLine], esti
             blocks = sigma[one][:, :, None] ** 2 * np.eye(2) * (one == other)[:, None, None]
         np.add.at(out, pair, to_first @ blocks @ to_second.transpose(0, 2, 1))
     for p, (line, same) in enumerate(zip(first, second, strict=True)):
-        if line is same and not line.parts:
-            out[p] = np.diag([line.sigma_offset, line.sigma_angle]) ** 2
+        if line is same:
+            out[p] += line.surface if line.parts else np.diag([line.sigma_offset, line.sigma_angle]) ** 2
     return out
 
 

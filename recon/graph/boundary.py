@@ -22,6 +22,7 @@ BEYOND = 0.9  # of the scanner's range: nearer walls are the scanner's to see
 MAX_BEYOND = 2.5  # of the scanner's range
 OPEN_SHARE = 0.8  # of the beams towards a line that return nothing
 MIN_PIXELS = 30.0
+MAX_SIGMA = 0.15  # m: farther lines may as well be a baseboard's edge, which stands metres behind the foot there
 
 
 def boundary_observations(
@@ -51,6 +52,8 @@ def boundary_observations(
             continue
         ends, pixels = _with_sensor_left(ends[keep]), frame.endpoints[rows][keep]
         covariance = _covariance(pixels, camera, calibration)
+        sharp = covariance[:, 0, 0] < MAX_SIGMA**2
+        ends, covariance = ends[sharp], covariance[sharp]
         moved = apply2(platform_from_image[i], ends.reshape(-1, 2)).reshape(-1, 2, 2)
         count = len(moved)
         parts.append(WallObservations(np.full(count, nearest[i]), moved, covariance, np.full(count, i)))

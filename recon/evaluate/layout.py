@@ -48,10 +48,13 @@ class LayoutScores:
         if o.any_type.right:
             errors = f", middle {o.middle * 100:.1f} cm, width {o.width * 100:.1f} cm in the median"
             rows.append(("openings of any type", _score(o.any_type) + errors))
-        for name, values in (("ceilings", h.ceilings), ("heads of doors and passages", h.tops)):
+        ceilings = ("ceilings", h.ceilings, h.unknown_ceilings)
+        for name, values, unknown in (ceilings, ("heads of doors and passages", h.tops, h.unknown_tops)):
             if values:
                 size = np.abs(values) * 100
-                rows.append((name, f"{np.median(size):.1f} cm in the median of {len(size)}, {size.max():.1f} cm worst"))
+                more = f", {unknown} unknown" if unknown else ""
+                value = f"{np.median(size):.1f} cm in the median of {len(size)}, {size.max():.1f} cm worst{more}"
+                rows.append((name, value))
         return rows
 
     def _sigma_rows(self) -> list[tuple[str, str]]:

@@ -49,9 +49,11 @@ class Covariance:
     def jacobian(self) -> csr_array:
         """(3F, 3V) of F factors, row by row weighted with the root of their information."""
         rows, columns, values = self._graph.sparseJacobian_()
-        size = 3 * len(self._at)
-        used = columns <= size  # the last column is the right-hand side
-        return csr_array((values[used], (rows[used] - 1, columns[used] - 1)), shape=(3 * self._graph.size(), size))
+        shape = 3 * self._graph.size(), 3 * len(self._at)
+        del self._graph  # large, and of no further use
+        used = np.flatnonzero((columns <= shape[1]) & (values != 0))  # the last column is the right-hand side
+        place = (rows[used] - 1).astype(np.int32), (columns[used] - 1).astype(np.int32)
+        return csr_array((values[used], place), shape=shape)
 
     def add_unknown(self, rows: Ints, change: Array, sigma: float) -> None:
         """Widen by a number that was estimated apart, with standard deviation `sigma`.
@@ -107,25 +109,41 @@ def _find(column: Ints, low: int, high: int, wanted: int) -> int:
 
 
 @njit(cache=True)
+def _add(out: Array, a: Array, b: Array, sign: float) -> None:
+    """Adds `sign` times a (3, 3) by b (3, n); written out, since BLAS is slow on matrices this small."""
+    for j in range(b.shape[1]):
+        for i in range(3):
+            out[i, j] += sign * (a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j])
+
+
+@njit(cache=True)
+def _multiply(a: Array, b: Array) -> None:
+    """Replaces b (3, n) by a (3, 3) times it."""
+    for j in range(b.shape[1]):
+        x, y, z = b[0, j], b[1, j], b[2, j]
+        for i in range(3):
+            b[i, j] = a[i, 0] * x + a[i, 1] * y + a[i, 2] * z
+
+
+@njit(cache=True)
 def _marginals(start: Ints, column: Ints, own: Array, beside: Array) -> Array:
     """(V, 3, 3) diagonal blocks of (R^T R)^-1, from the last row up; own: inverses of R's diagonal blocks."""
-    out, off = np.zeros_like(own), np.zeros_like(beside)
+    out, off, gain = np.zeros_like(own), np.zeros_like(beside), beside.copy()
     for i in range(len(own) - 1, -1, -1):
         low, high = start[i], start[i + 1]
-        gain = np.zeros((high - low, 3, 3))
         for k in range(low, high):
-            gain[k - low] = own[i] @ beside[k]
+            _multiply(own[i], gain[k])
         for k in range(low, high):
             p = column[k]
-            off[k] -= gain[k - low] @ out[p]
+            _add(off[k], gain[k], out[p], -1.0)
             place = start[p]
             for m in range(k + 1, high):
                 place = _find(column, place, start[p + 1], column[m])
-                off[k] -= gain[m - low] @ off[place].T
-                off[m] -= gain[k - low] @ off[place]
-        out[i] = own[i] @ own[i].T
+                _add(off[k], gain[m], off[place].T, -1.0)
+                _add(off[m], gain[k], off[place], -1.0)
+        _add(out[i], own[i], own[i].T, 1.0)
         for k in range(low, high):
-            out[i] -= off[k] @ gain[k - low].T
+            _add(out[i], off[k], gain[k].T, -1.0)
         out[i] = (out[i] + out[i].T) / 2
     return out
 
@@ -141,9 +159,9 @@ def _cross(start: Ints, column: Ints, own: Array, beside: Array, first: Ints, se
         s, high = second[low], low
         i, forward[s] = s, np.eye(3)
         while i >= 0:  # R^-T times unit vectors: nothing but the way to the root of the elimination tree
-            forward[i] = own[i].T @ forward[i]
+            _multiply(own[i].T, forward[i])
             for k in range(start[i], start[i + 1]):
-                forward[column[k]] -= beside[k].T @ forward[i]
+                _add(forward[column[k]], beside[k].T, forward[i], -1.0)
             i = column[start[i]] if start[i + 1] > start[i] else -1
         while high < len(first) and second[high] == s:
             steps, i = 0, first[high]
@@ -154,8 +172,8 @@ def _cross(start: Ints, column: Ints, own: Array, beside: Array, first: Ints, se
                 i = way[j]
                 back[i] = forward[i]
                 for k in range(start[i], start[i + 1]):
-                    back[i] -= beside[k] @ back[column[k]]
-                back[i] = own[i] @ back[i]
+                    _add(back[i], beside[k], back[column[k]], -1.0)
+                _multiply(own[i], back[i])
             out[high] = back[first[high]]
             high += 1
         i = s
@@ -170,10 +188,10 @@ def _cross(start: Ints, column: Ints, own: Array, beside: Array, first: Ints, se
 def _solve_rows(start: Ints, column: Ints, own: Array, beside: Array, right: Array) -> None:
     """Replaces `right` (V, 3, n) by (R^T R)^-1 times it."""
     for i in range(len(own)):
-        right[i] = own[i].T @ right[i]
+        _multiply(own[i].T, right[i])
         for k in range(start[i], start[i + 1]):
-            right[column[k]] -= beside[k].T @ right[i]
+            _add(right[column[k]], beside[k].T, right[i], -1.0)
     for i in range(len(own) - 1, -1, -1):
         for k in range(start[i], start[i + 1]):
-            right[i] -= beside[k] @ right[column[k]]
-        right[i] = own[i] @ right[i]
+            _add(right[i], beside[k], right[column[k]], -1.0)
+        _multiply(own[i], right[i])

@@ -84,28 +84,28 @@ def solve_graph(
     config = config or GraphConfig()
     closures = closures or Closures.none()
     drift = Drift.solved(len(trajectory)) if len(closures) else Drift.of_motion(motion, trajectory.poses)
-    state = _start(trajectory, drift, observations)
     given = _Given(motion, observations, closures)
-    problem, solution = _solve(state, given)
-    state = _merged(state, solution)
+    state = _solved(_start(trajectory, drift, observations), given)
     if odometry is not None and len(motion):
-        solved = Trajectory(trajectory.timestamps, solution.poses)
-        state = replace(state, odometry=fit_odometry(odometry, solved, motion))
-    state = _rescaled(state, problem, solution, observations)
-
+        state = replace(state, odometry=fit_odometry(odometry, Trajectory(trajectory.timestamps, state.poses), motion))
     for _ in range(REFINEMENTS):
         state = _drop_rare(_grown(_reassigned(state, observations), observations), observations)
-        problem, solution = _solve(replace(state, axes=()), given)
-        if config.manhattan:
-            state = replace(state, axes=_axes(state, solution))
-        state = _rescaled(_merged(state, solution), problem, solution, observations)
-
+        state = _solved(replace(state, axes=()), given, config.manhattan)
     state = _drop_rare(_reassigned(state, observations), observations)
     problem, solution = _solve(state, given, final=True, tape=tape)
     if control is None:
         return map_estimate(trajectory.timestamps, problem, solution)
     problem, solution, survey = _surveyed(state, given, problem, solution, control)
     return replace(map_estimate(trajectory.timestamps, problem, solution), survey=survey)
+
+
+def _solved(state: _State, given: _Given, manhattan: bool = False) -> _State:
+    """The state after one solution, of which nothing else stays in memory: walls that are one made one, covariances
+    multiplied by the variance that it found, and, for `manhattan`, the building's axes."""
+    problem, solution = _solve(state, given)
+    if manhattan:
+        state = replace(state, axes=_axes(state, solution))
+    return _rescaled(_merged(state, solution), problem, solution, given.observations)
 
 
 def _surveyed(

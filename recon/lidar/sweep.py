@@ -14,14 +14,19 @@ from recon.lidar.points import scan_points
 from recon.sequence.sequence import Scans
 from recon.sequence.trajectory import Trajectory
 
-Order = Literal["as given", "backwards", "at once"]
+Order = Literal["as given", "backwards", "at once", "in turn", "in turn, backwards"]
 
-WINDOW = 120
-"""Scans that are looked at: those of the drive between which the platform's turning changes most."""
+WINDOW, WINDOWS = 120, 2
+"""Scans that are looked at: stretches of the drive in which the platform's turning changes most."""
 CELL = 0.05
 """m, side of the cells that points are counted in."""
 MIN_GAIN = 0.1
-"""Part of the cells that must become empty for another order to be believed."""
+"""Part of the cells that must become empty for another order than the given one to be believed."""
+UNSAID_GAIN = 0.015
+"""The same where the scans say nothing of time; then the opposite order must fill as many more."""
+LONGEST_TURN = 0.25
+"""s: scans farther apart are not of each turn of a scanner."""
+IN_TURN: tuple[Order, Order] = ("in turn", "in turn, backwards")
 
 
 def match_in_order(
@@ -31,7 +36,7 @@ def match_in_order(
     matching = match_scans(scans, odometry, config)
     if (order := sweep_order(scans, matching, config)) == "as given":
         return scans, matching
-    warnings.append(f"the beams of a scan were taken {order}, whatever their order and time_increment say")
+    warnings.append(f"by the map that they make, the beams of a scan were taken {order}")
     scans = reordered(scans, order)
     return scans, match_scans(scans, odometry, config)
 
@@ -41,27 +46,31 @@ def sweep_order(scans: Scans, matching: ScanMatching, config: LidarConfig) -> Or
 
     `time_increment` says that beams were taken one after the other as they are listed. Drivers that turn the list of a
     scanner that runs clockwise often leave its sign as it was, and others have taken the distortion out already: motion
-    distortion is then doubled, or made. A map in which walls lie on themselves has points in fewer cells. "as given"
-    where nothing else is clearly better, and where the scans tell nothing: without `time_increment` or without turns.
+    distortion is then doubled, or made. Without `time_increment` they may have been taken at once, or in turn while a
+    mirror goes round once a scan. A map in which walls lie on themselves has points in fewer cells. "as given" where
+    nothing else is clearly better, and where the scans tell nothing.
     """
-    if scans.time_increment <= 0 or len(scans) < 3:
+    said = scans.time_increment > 0
+    if len(scans) < 3 or not (said or np.median(np.diff(scans.timestamps)) < LONGEST_TURN):
         return "as given"
-    change = np.abs(np.diff(matching.velocities[:, 2], prepend=matching.velocities[0, 2]))
-    count = min(WINDOW, len(scans))
-    start = int(np.argmax(np.convolve(change, np.ones(count), mode="valid")))
-    chosen = slice(start, start + count)
-    some = replace(scans, timestamps=scans.timestamps[chosen], ranges=scans.ranges[chosen], intensities=None)
-    orders: tuple[Order, ...] = ("as given", "backwards", "at once")
-    cells = [_occupied(reordered(some, order), matching, config) for order in orders]
-    best = int(np.argmin(cells))
-    return orders[best] if cells[best] < (1.0 - MIN_GAIN) * cells[0] else "as given"
+    orders: tuple[Order, ...] = ("as given", "backwards", "at once") if said else ("as given", *IN_TURN)
+    given, *others = (_occupied_in(scans, order, matching, config) for order in orders)
+    best = int(np.argmin(others))
+    if said:
+        return orders[1 + best] if others[best] < (1.0 - MIN_GAIN) * given else "as given"
+    clear = others[best] < (1.0 - UNSAID_GAIN) * given and others[1 - best] > (1.0 + UNSAID_GAIN) * given
+    return orders[1 + best] if clear else "as given"
 
 
 def reordered(scans: Scans, order: Order) -> Scans:
     """The scans with beam 0 the first one taken, as `order` says; bearings stay with their ranges."""
     if order == "at once":
         return replace(scans, time_increment=0.0)
-    if order == "as given":
+    if order in IN_TURN:
+        # a mirror that goes round once from scan to scan
+        turn = float(np.median(np.diff(scans.timestamps)))
+        scans = replace(scans, time_increment=turn * abs(scans.angle_increment) / (2 * np.pi))
+    if order in ("as given", "in turn"):
         return scans
     last = scans.angle_min + (scans.ranges.shape[1] - 1) * scans.angle_increment
     intensities = None if scans.intensities is None else np.ascontiguousarray(scans.intensities[:, ::-1])
@@ -69,6 +78,19 @@ def reordered(scans: Scans, order: Order) -> Scans:
     return replace(
         scans, ranges=ranges, intensities=intensities, angle_min=last, angle_increment=-scans.angle_increment
     )
+
+
+def _occupied_in(scans: Scans, order: Order, matching: ScanMatching, config: LidarConfig) -> int:
+    """Cells with points in the maps that some stretches of the drive make, their beams taken in this order."""
+    change = np.abs(np.diff(matching.velocities[:, 2], prepend=matching.velocities[0, 2]))
+    starts = np.arange(0, len(scans), WINDOW)
+    total = 0
+    for start in starts[np.argsort(-np.add.reduceat(change, starts), kind="stable")][:WINDOWS]:
+        chosen = slice(int(start), int(start) + WINDOW)
+        some = replace(scans, timestamps=scans.timestamps[chosen], ranges=scans.ranges[chosen], intensities=None)
+        if len(some) > 2:
+            total += _occupied(reordered(some, order), matching, config)
+    return total
 
 
 def _occupied(scans: Scans, matching: ScanMatching, config: LidarConfig) -> int:

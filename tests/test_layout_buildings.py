@@ -8,13 +8,16 @@ from typing import Literal
 import numpy as np
 import pytest
 import shapely
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
 
 from recon.config import LayoutConfig
 from recon.evaluate.walls import wall_scores
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.layout.build import build_layout
 from recon.layout.evidence import scan_rays
-from recon.model import Layout
+from recon.layout.facing import facing_rooms
+from recon.model import Layout, Wall
 from recon.simulate import Simulation, random_plan, run_simulation
 
 
@@ -71,3 +74,30 @@ def test_random_building(seed: int, rooms: int, angles: Literal["manhattan", "an
     middles = np.array([(o.start + o.end) / 2 for o in layout.openings])
     hit = [bool(np.any(np.linalg.norm(middles - (o.start + o.end) / 2, axis=1) < 0.25)) for o in doors]
     assert np.mean(hit) > 0.7
+
+
+@settings(max_examples=4, deadline=None, derandomize=True, phases=[Phase.generate])
+@given(st.integers(0, 10_000), st.integers(1, 4), st.sampled_from(["manhattan", "any"]), st.floats(0.0, 0.8))
+def test_what_holds_of_every_layout(seed: int, rooms: int, angles: Literal["manhattan", "any"], clutter: float) -> None:
+    """Rooms are simple, counter-clockwise and disjoint; walls face into them and close them; openings lie in walls."""
+    layout, _ = layout_and_truth(seed, rooms, angles, clutter)
+    polygons = [shapely.Polygon(room.polygon) for room in layout.rooms]
+    assert polygons and all(p.is_valid and p.exterior.is_ccw for p in polygons)
+    assert all(a.intersection(b).area < 1e-4 for i, a in enumerate(polygons) for b in polygons[:i])
+    for polygon, facing in zip(polygons, by_room(layout), strict=True):
+        faces = shapely.MultiLineString([np.stack([wall.start, wall.end]) for wall in facing])
+        assert polygon.exterior.difference(faces.buffer(0.005)).length < 0.01
+    for opening in layout.openings:
+        wall = layout.wall(opening.wall)
+        offset = np.stack([opening.start, opening.end]) - wall.start
+        along, across = offset @ wall.direction, offset @ wall.normal
+        assert along.min() > -1e-6 and along.max() < wall.length + 1e-6 and np.abs(across).max() < 1e-6
+    for wall in layout.walls:
+        assert wall.length > 0 and (wall.source == "inferred" or wall.sigma_offset < 0.1)
+        assert np.all((wall.unseen >= -1e-6) & (wall.unseen <= wall.length + 1e-6))
+
+
+def by_room(layout: Layout) -> list[list[Wall]]:
+    """The walls that face each room."""
+    owner = facing_rooms(layout)
+    return [[wall for wall, k in zip(layout.walls, owner, strict=True) if k == i] for i in range(len(layout.rooms))]

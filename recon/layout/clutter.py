@@ -7,6 +7,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
@@ -25,7 +28,9 @@ THICKNESS = (0.07, 0.4)
 """m between the two faces of a wall; leaves are thinner."""
 PARALLEL = np.radians(5.0)
 JOINED = 0.15
-"""m from the end of a partition to the wall that it meets."""
+"""m from the end of a partition to the wall that it meets, and between neighbouring pieces of a curved wall."""
+BLUNT = np.cos(np.radians(50.0)), np.cos(np.radians(4.0))
+"""Cosines of the angles between such pieces; furniture has square corners, or stands in line."""
 SPARSE = 0.6
 """m along a line between returns of one stretch."""
 BEHIND = (0.15, 0.25, 0.35)
@@ -61,7 +66,8 @@ def is_sure(line: PlanLine) -> bool:
 
 def without_clutter(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
     """The lines that are walls."""
-    lines = [line for line in lines if line.source == "image" or _known_length(line) >= SHORTEST_WALL]
+    length = _chained_lengths(lines)
+    lines = [line for line, m in zip(lines, length, strict=True) if line.source == "image" or m >= SHORTEST_WALL]
     long = [line for line in lines if line.supported_length >= SHORTEST_PARTITION]
     far = Stretches(long)
     lines = [
@@ -70,7 +76,30 @@ def without_clutter(lines: list[PlanLine], space: FreeSpace) -> list[PlanLine]:
         if line.source == "image" or not _stands_free(line, space) or _has_face(line, long) or _is_partition(line, far)
     ]
     sure = Stretches([line for line in lines if is_sure(line)])
-    return [line for line in lines if is_sure(line) or not _is_alone(line, sure)]
+    length = _chained_lengths(lines)
+    return [
+        line
+        for line, m in zip(lines, length, strict=True)
+        if is_sure(line) or m >= SURE_WALL or not _is_alone(line, sure)
+    ]
+
+
+def _chained_lengths(lines: list[PlanLine]) -> list[float]:
+    """m of each line and of the short ones that go on from its ends at a blunt angle, as pieces of a curved wall do."""
+    known = [line for line in lines if len(line.support) and line.supported_length < SHORTEST_PARTITION]
+    if not known:
+        return [_known_length(line) for line in lines]
+    ends = np.concatenate([line.point(line.support[[0, -1], [0, 1]]) for line in known])
+    direction = np.array([line.direction for line in known])
+    pairs = cKDTree(ends).query_pairs(JOINED, output_type="ndarray") // 2
+    cosine = np.abs(np.einsum("pi,pi->p", direction[pairs[:, 0]], direction[pairs[:, 1]]))
+    blunt = (cosine > BLUNT[0]) & (cosine < BLUNT[1])
+    a, b = pairs[blunt].T
+    graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(known), len(known)))
+    _, chain = connected_components(graph, directed=False)
+    total_of = np.bincount(chain, [_known_length(line) for line in known])
+    length = {id(line): float(total_of[k]) for line, k in zip(known, chain, strict=True)}
+    return [length.get(id(line), _known_length(line)) for line in lines]
 
 
 def _known_length(line: PlanLine) -> float:

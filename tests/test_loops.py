@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scan_drive import FULL, OFFICE, cast_scans, polygon, wheel_odometry
 
 from recon.config import LidarConfig
+from recon.evaluate.trajectory import trajectory_errors
 from recon.geometry import Array, apply2, between2, compose2, wrap_angle
 from recon.lidar.cloud import Cloud
 from recon.lidar.clouds import Clouds
@@ -19,10 +20,11 @@ from recon.loops.branch_and_bound import search
 from recon.loops.close import close_loops
 from recon.loops.drift import Drift, chain_between
 from recon.loops.grid import CELL, build_pyramid
-from recon.loops.pose_graph import Edges, solve, solve_consistent
+from recon.loops.pose_graph import BARC, Edges, solve, solve_consistent
 from recon.loops.search import CANDIDATES, LoopSearch
 from recon.loops.submap import make_submaps
 from recon.loops.ties import VISITS
+from recon.simulate import office_plan, simulate_scans
 
 Ints = NDArray[np.int64]
 
@@ -204,6 +206,16 @@ def test_a_self_similar_ring_closes_rightly(niche: float) -> None:
     error = between2(true[closed.closures.first], true[closed.closures.second]) - closed.closures.relative
     assert np.linalg.norm(error[:, :2], axis=1).max() < 0.3
     assert after.max() < max(0.25, 0.7 * before.max())
+
+
+def test_rooms_that_are_all_alike_are_told_apart_without_odometry() -> None:
+    """Empty rooms of one size with their doors in the same place, wall to wall along corridors that look the same."""
+    scans, truth, _ = simulate_scans(office_plan(5, 24, 200.0, variety=0.0, clutter=0.0), 5)
+    closed = close_loops(scans, match_scans(scans, None, LidarConfig()), LidarConfig())
+    assert len(closed.closures) > 20 and len(closed.ties) > 500
+    assert closed.closures.residuals(truth.poses).max() < BARC
+    assert closed.ties.residuals(truth.poses).max() < BARC
+    assert trajectory_errors(closed.trajectory, truth).ate < 0.02
 
 
 def test_a_place_visited_often_is_searched_for_a_few_times() -> None:

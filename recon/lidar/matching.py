@@ -53,6 +53,10 @@ SLIDING = 0.005
 """m: standard deviation along some direction from which an alignment may have slid along it."""
 LEVEL = 400.0
 """1/m^2: information to which points are levelled to see whether the scan fits better so."""
+CONTRADICTION = 4.0
+"""Squared normalised distance from constant velocity above which a match in doubt may as well be where it leads."""
+DOUBT = 0.5
+"""Part of the prediction's deviation that a match in doubt may be off, along the direction it knows least."""
 RECOVERY = (1.0, np.radians(60.0))
 """m, rad: standard deviations that replace the prediction where nothing lies near it (clocks and wheels do slip)."""
 RECOVERED_OVERLAP = 0.6
@@ -164,7 +168,8 @@ class _Matcher:
         failed = _is_lost(found)
         self._failed[k], self._poses[k] = failed, prior if failed else found.pose
         scan = np.zeros((3, 3)) if failed else found.information
-        self._note(k, motion, sigma, scan)
+        doubt = _doubt(found, prior, information, sigma) if free and not failed else np.zeros((3, 3))
+        self._note(k, motion, sigma, scan, doubt)
         self._velocity = between2(before, self._poses[k]) / (end - start)
         self._lost = self._lost + 1 if failed else 0
         steady = abs(self._velocity[2]) * (end - start) < STEADY_TURN
@@ -172,8 +177,11 @@ class _Matcher:
         if due or self._lost >= LOST or len(self._keyframes.map) == 0:
             self._keyframes.add(cloud, self._poses[k])
 
-    def _note(self, k: int, motion: Motion, sigma: Array, information: Array) -> None:
-        """Covariances of the motion to scan k, whose match has `information` (3, 3) in the map frame."""
+    def _note(self, k: int, motion: Motion, sigma: Array, information: Array, doubt: Array) -> None:
+        """Covariances of the motion to scan k, whose match has `information` (3, 3) in the map frame.
+
+        doubt: (3, 3) covariance, map frame, of not knowing whether the match is right.
+        """
         turn = _turn(self._poses[k - 1, 2])
         covariance = np.linalg.inv(information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
         covariance += turn @ np.diag(self._distortion[k] ** 2) @ turn.T
@@ -182,7 +190,7 @@ class _Matcher:
         earlier = np.eye(3)
         earlier[:2, 2] = -relative[1], relative[0]
         alone = turn.T @ covariance @ turn + earlier @ (turn.T @ self._pose_covariance @ turn) @ earlier.T
-        floor = np.diag(np.array(FLOOR)[[0, 0, 1]] ** 2)
+        floor = np.diag(np.array(FLOOR)[[0, 0, 1]] ** 2) + turn.T @ doubt @ turn
         fused = np.linalg.inv(np.linalg.inv(alone) + np.diag(sigma**-2))
         self._alone[k - 1], self._fused[k - 1] = alone + floor, fused + floor
         self._pose_covariance = covariance
@@ -222,6 +230,21 @@ def _slides(found: Alignment) -> bool:
     """
     spread = np.linalg.inv(found.information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
     return bool(np.linalg.eigvalsh(spread[:2, :2])[-1] > SLIDING**2)
+
+
+def _doubt(found: Alignment, prior: Array, information: Array, sigma: Array) -> Array:
+    """(3, 3) covariance, map frame, of a match that nothing but constant velocity can contradict: 0 beyond doubt."""
+    doubt = np.zeros((3, 3))
+    if found.overlap >= GOOD_OVERLAP:
+        return doubt
+    spread = np.linalg.inv(found.information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
+    along = np.linalg.eigh(spread[:2, :2])[1][:, -1]
+    doubt[:2, :2] = (DOUBT * sigma[0]) ** 2 * np.outer(along, along)
+    if _surprise(found.pose, prior, information) > CONTRADICTION:
+        offset = found.pose - prior
+        offset[2] = wrap_angle(offset[2])
+        doubt += np.outer(offset, offset)
+    return doubt
 
 
 def _is_lost(found: Alignment) -> bool:

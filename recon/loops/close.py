@@ -26,8 +26,8 @@ Ints = NDArray[np.int64]
 
 BEND = (0.01, 0.001)
 """m a metre and rad a metre driven, beyond the scan matches' covariances: errors that neighbouring matches share."""
-FREE_BEND = (0.15, 0.003)
-"""The same without odometry, when scans may slide along corridors."""
+FREE_BEND = (0.02, 0.001)
+"""The same without odometry; matches in doubt, which may have slid along a corridor, say so themselves."""
 KERNEL = 2.0
 """Normalised residual at which ties lose their hold."""
 CHAIN_KERNEL = 3.0

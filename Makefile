@@ -25,6 +25,7 @@ bench: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/build.py samples/corridor
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/accuracy.py samples/corridor $(DRIVES) --buildings 8
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/layout.py --buildings 20
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/uncertainty.py samples/corridor --buildings 6
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/filter_vs_graph.py samples/corridor $(DRIVES) --simulated 3
 
 setup: $(READY)

@@ -27,6 +27,7 @@ bench: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/layout.py --buildings 20
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/uncertainty.py samples/corridor --buildings 6
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/filter_vs_graph.py samples/corridor $(DRIVES) --simulated 3
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/scale.py --most 10000
 
 setup: $(READY)
 

@@ -221,13 +221,28 @@ def test_layout_file_keeps_dimensions_and_corners() -> None:
             layout_from_json(data | {"rooms": rooms}, "layout.json")
 
 
+def check_joint(estimate: MapEstimate) -> None:
+    """The covariances between walls hold the walls' own, and make one positive matrix."""
+    assert estimate.joint is not None
+    count = len(estimate.walls)
+    first, second = (index.ravel() for index in np.indices((count, count)))
+    blocks = estimate.joint.between(first, second).reshape(count, count, 2, 2)
+    whole = blocks.transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)
+    own = [(wall.sigma_offset, wall.sigma_angle) for wall in estimate.walls]
+    assert np.sqrt(np.diag(whole)) == pytest.approx(np.ravel(own), rel=1e-6)
+    assert whole == pytest.approx(whole.T, rel=1e-5, abs=1e-12)
+    scale = np.sqrt(np.diag(whole))
+    assert np.linalg.eigvalsh(whole / scale / scale[:, None]).min() > -1e-6
+
+
 def test_simulated_walls_and_dimensions_are_as_sure_as_they_say() -> None:
     ratios: dict[str, list[Array]] = {"offset": [], "angle": [], "dimension": []}
     for seed in (403, 406, 407, 408):
         plan = random_plan(seed, 1 + seed % 100 % 6, "any" if seed % 2 else "manhattan")
         simulation = run_simulation(replace(plan, lidar=replace(plan.lidar, sigma=0.01)), seed)
-        layout = build(Sequence(plan.name, simulation.scans), Config()).model.layout
-        scores = sigma_scores(layout, simulation.layout)
+        built = build(Sequence(plan.name, simulation.scans), Config())
+        check_joint(built.estimate)
+        scores = sigma_scores(built.model.layout, simulation.layout)
         for name, found in ratios.items():
             found.append(getattr(scores, name).ratios)
     for name, found in ratios.items():

@@ -81,7 +81,7 @@ def in_survey(estimate: MapEstimate, run: Drive) -> Array:
 
 
 def test_a_bent_drive_is_straightened() -> None:
-    """Bent by decimetres without the points, by no more than its sigmas with them; the frame and residuals are right."""
+    """Bent by decimetres without the points, by no more than its sigmas with them; frame and residuals are right."""
     run = bent_drive(1, 0.01)
     last = len(run.truth) - 3
     plain = solve(run)

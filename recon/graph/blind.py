@@ -115,6 +115,10 @@ def see_along(matching: ScanMatching, segments: Sequence[Segments], eye: Eye | N
         for covariance in (fused[k], alone[k]):
             pull = covariance @ axis
             covariance -= np.outer(pull, pull) / (axis @ pull + way.variance)
+    if matching.odometry is None:
+        held = np.eye(3) / (STRAY * np.diff(stamps))[:, None, None] ** 2
+        lost = np.linalg.eigvalsh(alone[:, :2, :2])[:, 1] > BLIND**2
+        alone[lost] = np.linalg.inv(np.linalg.inv(alone[lost]) + held[lost])
     trajectory = Trajectory(stamps, _chained(poses[0], relative))
     return replace(matching, trajectory=trajectory, covariances=fused, scan_covariances=alone), len(seen)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv  # scipy.stats takes a second to import
 
 from recon.geometry import Array
 from recon.layout.line import PlanLine
@@ -39,7 +39,7 @@ def _with_surface(line: PlanLine, returns: Returns) -> PlanLine:
     left = mean - lever @ (normal @ (lever.T @ (count * mean)))
     by_chance = within / count
     free = len(place) - 2
-    if float(np.sum(left**2 / by_chance)) <= chi2.ppf(1 - CHANCE, free):
+    if float(np.sum(left**2 / by_chance)) <= 2 * gammaincinv(free / 2, 1 - CHANCE):  # chi-square
         return line
     # the covariance of a fit whose errors hang together in clusters (Liang and Zeger 1986), as far as it is not counted
     # yet; what stands out may lie across two patches, so neighbours count too (Newey and West 1987)

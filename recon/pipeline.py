@@ -44,6 +44,7 @@ from recon.lidar.split_and_merge import extract_segments
 from recon.lidar.sweep import match_in_order
 from recon.loops.close import ClosedLoops, close_loops
 from recon.measured import NOTHING, Measured
+from recon.memory import give_back
 from recon.model import Layout, Model
 from recon.progress import SILENT, Progress, Stage
 from recon.segmentation.heights import measure_objects
@@ -89,6 +90,7 @@ class _Run:
         start = time.perf_counter()
         with self.progress.stage(name, total, unit) as stage:
             yield stage
+            give_back()
         self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - start, 3)
 
 

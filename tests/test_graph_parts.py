@@ -22,7 +22,7 @@ from recon.graph.merge import join, merge_labels
 from recon.graph.motion import Motion, information_beyond_walls
 from recon.graph.observation import WallObservations
 from recon.graph.optimise import optimise, repetition
-from recon.graph.problem import Problem
+from recon.graph.problem import Problem, build
 from recon.graph.relations import find_axes
 from recon.graph.solve import solve_graph
 from recon.lidar.noise import with_noise
@@ -165,16 +165,17 @@ def test_covariances_are_those_of_gtsam() -> None:
     first = np.unique(run.wall_of, return_index=True)[1]
     seen = Lines.of_observations(run.observations, run.truth)
     labels = np.searchsorted(np.unique(run.wall_of), run.wall_of)
-    solution = optimise(Problem(run.truth, run.motion, run.observations, labels, seen[first]), True)
+    problem = Problem(run.truth, run.motion, run.observations, labels, seen[first])
+    solution, factors = optimise(problem, True), build(problem, False).factors
     values = gtsam.Values()
     for key, pose in enumerate(np.concatenate([solution.poses, solution.walls])):
         values.insert(key, gtsam.Pose2(*pose))
-    marginals = gtsam.Marginals(solution.graph.factors, values)
+    marginals = gtsam.Marginals(factors, values)
     variables = len(solution.poses) + len(solution.walls)
     blocks = solution.covariance.blocks()
     for number in range(variables):
         np.testing.assert_allclose(blocks[number], marginals.marginalCovariance(number), rtol=1e-4, atol=1e-12)
-    rows = np.arange(3 * solution.graph.factors.size())
+    rows = np.arange(3 * factors.size())
     # all that the graph knows is as many numbers as it has unknowns
     assert solution.covariance.leverage(rows, probes=64) == pytest.approx(3 * variables, rel=0.15)
 

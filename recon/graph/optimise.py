@@ -13,7 +13,8 @@ from recon.graph.covariance import Covariance
 from recon.graph.line import Lines, squared_distance
 from recon.graph.motion import sqrt_information
 from recon.graph.odometry import OdometryModel
-from recon.graph.problem import Graph, Problem, build
+from recon.graph.problem import Problem, build
+from recon.memory import give_back
 
 Ints = NDArray[np.int64]
 
@@ -32,13 +33,14 @@ class Solution:
     """poses: (N, 3). walls: (W, 3). covariance: of poses, walls, axes and frame, numbered in this order.
 
     frame: (3,) map_from_survey, the survey counted from the centre of the control points; (0,) without any.
+    rows: factor numbers by kind.
     """
 
     poses: Array
     walls: Array
     covariance: Covariance
-    graph: Graph
     frame: Array
+    rows: dict[str, Ints]
 
     @cached_property
     def blocks(self) -> Array:
@@ -62,17 +64,19 @@ def optimise(problem: Problem, final: bool) -> Solution:
     values = gtsam.LevenbergMarquardtOptimizer(graph.factors, graph.initial, parameters).optimize()
     found = gtsam.utilities.extractPose2(values)  # in order of the keys
     poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
-    covariance = Covariance(graph.factors.linearize(values), graph.variables)
+    covariance, rows = Covariance(graph.factors.linearize(values), graph.variables), graph.rows
+    del graph  # large on a long drive, and of no further use
+    give_back()
     if problem.odometry is not None:
         covariance.add_unknown(
-            _rows(graph, "odometry"), _change_with_scale(problem.odometry), problem.odometry.scale_sigma
+            _rows(rows["odometry"]), _change_with_scale(problem.odometry), problem.odometry.scale_sigma
         )
-    return Solution(poses, walls, covariance, graph, rest[-1] if problem.control is not None else np.zeros(0))
+    return Solution(poses, walls, covariance, rest[-1] if problem.control is not None else np.zeros(0), rows)
 
 
-def _rows(graph: Graph, kind: str) -> Ints:
-    """Rows of the Jacobian that belong to factors of one kind."""
-    return np.asarray((3 * graph.rows[kind][:, None] + np.arange(3)).reshape(-1))
+def _rows(factors: Ints) -> Ints:
+    """Rows of the Jacobian that belong to factors with these numbers."""
+    return np.asarray((3 * factors[:, None] + np.arange(3)).reshape(-1))
 
 
 def _change_with_scale(odometry: OdometryModel) -> Array:
@@ -138,7 +142,7 @@ def variance_factor(problem: Problem, solution: Solution, kind: str) -> float:
     """
     chosen = problem.observations.image >= 0 if kind == "image" else problem.observations.image < 0
     squared = wall_residuals(problem, solution)[chosen]
-    redundancy = 2 * len(squared) - solution.covariance.leverage(_rows(solution.graph, kind))
+    redundancy = 2 * len(squared) - solution.covariance.leverage(_rows(solution.rows[kind]))
     if redundancy < 20:
         return 1.0
     factor = 1.0

@@ -24,6 +24,7 @@ from recon.graph.problem import Problem
 from recon.graph.relations import Axis, find_axes, longest
 from recon.graph.result import LEAST_SIGHTINGS, map_estimate, sightings
 from recon.graph.tape import Tape
+from recon.memory import give_back
 from recon.sequence.trajectory import Trajectory
 
 Ints = NDArray[np.int64]
@@ -105,7 +106,10 @@ def _solved(state: _State, given: _Given, manhattan: bool = False) -> _State:
     problem, solution = _solve(state, given)
     if manhattan:
         state = replace(state, axes=_axes(state, solution))
-    return _rescaled(_merged(state, solution), problem, solution, given.observations)
+    state = _rescaled(_merged(state, solution), problem, solution, given.observations)
+    del problem, solution
+    give_back()
+    return state
 
 
 def _surveyed(

@@ -24,7 +24,7 @@ from recon.calibration.synchronise import Drive, calibrate_with_clock
 from recon.config import Config
 from recon.faces import extrude
 from recon.geometry import Array, Pose3, between2
-from recon.graph.blind import Eye, blind_steps, see_along
+from recon.graph.blind import Eye, blind_steps, guessed_steps, see_along
 from recon.graph.boundary import boundary_observations
 from recon.graph.closures import Closures
 from recon.graph.control import Control
@@ -246,7 +246,7 @@ def _estimate(
                 boundary_observations(lines, times, camera, calibration, sequence.scans, closed.trajectory)
             )
         poses = matching.trajectory.poses
-        motion = Motion(between2(poses[:-1], poses[1:]), matching.scan_covariances)
+        motion = Motion(between2(poses[:-1], poses[1:]), matching.scan_covariances, guessed_steps(matching))
         given = closed.trajectory, motion, WallObservations.concatenate(observations), matching.odometry
         if config.graph.backend == "ekf":
             estimate = solve_filter(*given)

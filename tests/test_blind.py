@@ -7,16 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blind_corridor import corridor_plan, drive_corridor
+from blind_corridor import corridor_plan, drive_corridor, uneven
 
 from recon.config import Config, TextureConfig
-from recon.geometry import Array, Pose3, rotation2
-from recon.graph.blind import blind_steps
+from recon.geometry import Array, Pose3, between2, rotation2
+from recon.graph.blind import blind_steps, guessed_steps
+from recon.graph.motion import Motion
+from recon.graph.observation import WallObservations
 from recon.graph.slide import Step, estimate_slide, on_surfaces, project
-from recon.lidar.matching import ScanMatching
+from recon.graph.solve import solve_graph
+from recon.lidar.matching import ScanMatching, match_scans
+from recon.lidar.noise import with_noise
+from recon.lidar.split_and_merge import extract_segments
 from recon.pipeline import build
 from recon.sequence.camera import Camera
 from recon.sequence.trajectory import Trajectory
+from recon.simulate import simulate_scans
 
 CAMERA = Camera(640, 480, np.array([[500.0, 0, 320.0], [0, 500.0, 240.0], [0, 0, 1]]))
 FORWARD = Pose3(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.array([0.1, 0.02, 0.95]))
@@ -97,3 +103,29 @@ def test_blind_is_what_is_vague_one_way_only(along: float, across: float, blind:
     poses = Trajectory(np.array([0.0, 0.1]), np.zeros((2, 3)))
     matching = ScanMatching(poses, covariance, covariance, np.zeros(2, np.bool_), np.zeros((2, 3)))
     assert blind_steps(matching).tolist() == [blind]
+
+
+@pytest.mark.parametrize("odometry", [False, True])
+def test_a_speed_that_nothing_tells_is_in_the_sigmas(odometry: bool) -> None:
+    """Scans alone do not tell the way along 40 m; their walls neither pull along themselves nor make it surer."""
+    scans, truth, driven = simulate_scans(corridor_plan(40.0, 6.0, (320, 240)), 4)
+    start = float(scans.timestamps[0])
+    stamps = uneven(scans.timestamps, start)
+    scans, ticks = replace(scans, timestamps=stamps), uneven(driven.timestamps, start)
+    config = with_noise(scans, Config().lidar)
+    matching = match_scans(scans, Trajectory(ticks, driven.poses) if odometry else None, config)
+    poses, guessed = matching.trajectory.poses, guessed_steps(matching)
+    motion = Motion(between2(poses[:-1], poses[1:]), matching.scan_covariances, guessed)
+    segments = [extract_segments(scans, i, config, matching.velocities[i]) for i in range(len(scans))]
+    walls = WallObservations(
+        np.concatenate([np.full(len(s), i) for i, s in enumerate(segments)]),
+        np.concatenate([s.endpoints for s in segments]),
+        np.concatenate([s.covariance for s in segments]),
+        np.full(sum(map(len, segments)), -1),
+    )
+    found = solve_graph(matching.trajectory, motion, walls, matching.odometry)
+    error, sigma = (found.trajectory.poses - truth.poses)[5:, 0], found.pose_sigmas[5:, 0]
+    assert guessed.mean() > 0.5
+    assert np.abs(found.trajectory.poses - truth.poses)[:, 1].max() < (0.05 if odometry else 1.0)
+    assert 0.02 < np.mean((error / sigma) ** 2) < 2.5
+    assert sigma[-1] < 1.0 if odometry else 8.0 < sigma[-1] < 40.0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from recon.calibration.frames import segments_at
 from recon.calibration.result import Calibration
 from recon.geometry import Array, between2, compose2, rotation2, wrap_angle
+from recon.graph.motion import STRAY
 from recon.graph.patches import Guess, likely_way
 from recon.graph.slide import Slide, Step, estimate_slide, on_surfaces, project
 from recon.lidar.matching import ScanMatching
@@ -29,11 +30,10 @@ LONGEST = 1.5
 """s between images beyond which corners are not followed."""
 ACCELERATION = 0.5
 """m/s^2: how a speed that images tell changes until another is told."""
+GUESSED = 0.9
+"""Part of what a platform may stray by from which a deviation says that nothing told the motion."""
 GAP = 5.0
 """s after which it says nothing any more."""
-STRAY = 1.0
-"""m/s: how far from the prediction a platform may be where nothing tells: it does not jump."""
-
 PATCHES = 80
 """Corners, strong and weak ones, whose patches say roughly how far it was."""
 
@@ -102,13 +102,12 @@ def see_along(matching: ScanMatching, segments: Sequence[Segments], eye: Eye | N
     seen = [] if eye is None else list(_look(matching, segments, eye, blind))
     speeds = Speeds.of(seen, np.zeros((6, 6)) if eye is None else eye.calibration.covariance)
     poses, stamps = matching.trajectory.poses, matching.trajectory.timestamps
-    relative, vague = between2(poses[:-1], poses[1:]), np.linalg.eigh(_in_map(matching))[1][:, :, 1]
+    relative = between2(poses[:-1], poses[1:])
     fused, alone = matching.covariances.copy(), matching.scan_covariances.copy()
     told = {int(k): speeds.between(float(stamps[k]), float(stamps[k + 1])) for k in np.flatnonzero(blind)}
-    for k, told_way in told.items():
-        stray = STRAY * float(stamps[k + 1] - stamps[k])
-        predicted = Way(float(vague[k] @ (poses[k + 1, :2] - poses[k, :2])), stray**2, vague[k])
-        way = told_way or predicted
+    for k, way in told.items():
+        if way is None:
+            continue
         axis = np.append(rotation2(-float(poses[k, 2])) @ way.direction, 0.0)
         pull = alone[k] @ axis
         relative[k] += pull / (axis @ pull + way.variance) * (way.length - axis @ relative[k])
@@ -127,6 +126,12 @@ def blind_steps(matching: ScanMatching) -> NDArray[np.bool_]:
     """(N-1,) motions between scans that the scans do not tell along exactly one direction."""
     spread = np.sqrt(np.linalg.eigvalsh(matching.scan_covariances[:, :2, :2]))
     return np.asarray((spread[:, 1] > BLIND) & (spread[:, 0] < SIGHTED))
+
+
+def guessed_steps(matching: ScanMatching) -> NDArray[np.bool_]:
+    """(N-1,) motions between scans that are predictions along some direction: neither scans nor images tell them."""
+    spread = np.sqrt(np.linalg.eigvalsh(matching.scan_covariances[:, :2, :2])[:, 1])
+    return np.asarray(spread > GUESSED * STRAY * np.diff(matching.trajectory.timestamps))
 
 
 def _look(matching: ScanMatching, segments: Sequence[Segments], eye: Eye, blind: NDArray[np.bool_]) -> Iterator[Seen]:

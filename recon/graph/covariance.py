@@ -29,7 +29,10 @@ class Covariance:
         import gtsam
 
         order = gtsam.Ordering.MetisGaussianFactorGraph(linear_graph)
-        net = linear_graph.eliminateSequential(order)
+        try:
+            net = linear_graph.eliminateSequential(order)
+        except RuntimeError:  # squaring loses what little is known along a bare corridor: slower, but without
+            net = linear_graph.eliminateSequential(order, gtsam.EliminateQR)
         rows = [net.at(i) for i in range(variables)]
         keys = [row.keys() for row in rows]
         self._at = np.empty(variables, np.int64)
@@ -42,7 +45,7 @@ class Covariance:
         sort = np.lexsort((column, number))
         self._column = column[sort]
         self._beside = np.ascontiguousarray(beside.reshape(3, -1, 3).transpose(1, 0, 2)[sort])
-        self._unknown = np.zeros((variables, 3))
+        self._unknown = np.zeros((variables, 3, 0))
         self._graph = linear_graph
 
     @cached_property
@@ -60,12 +63,13 @@ class Covariance:
 
         change: (n,) by how much one unit of it moves the residuals in the Jacobian's `rows` (n,).
         """
-        self._unknown = -sigma * self._solve((self.jacobian[rows].T @ change)[:, None]).reshape(-1, 3)
+        more = -sigma * self._solve((self.jacobian[rows].T @ change)[:, None]).reshape(-1, 3, 1)
+        self._unknown = np.concatenate([self._unknown, more], axis=2)
 
     def blocks(self) -> Array:
         """(V, 3, 3) marginal covariance of every variable."""
         own = _marginals(self._start, self._column, self._own, self._beside)[self._at]
-        return np.asarray(own + self._unknown[:, :, None] * self._unknown[:, None])
+        return np.asarray(own + self._unknown @ self._unknown.transpose(0, 2, 1))
 
     def between(self, first: Ints, second: Ints) -> Array:
         """(P, 3, 3) cross-covariance of pairs of variables `first` and `second` (P,)."""
@@ -74,7 +78,7 @@ class Covariance:
         out[order] = _cross(
             self._start, self._column, self._own, self._beside, self._at[first[order]], self._at[second[order]]
         )
-        return np.asarray(out + self._unknown[first][:, :, None] * self._unknown[second][:, None])
+        return np.asarray(out + self._unknown[first] @ self._unknown[second].transpose(0, 2, 1))
 
     def leverage(self, rows: Ints, probes: int = 8) -> float:
         """Degrees of freedom that the solution takes from the Jacobian's `rows`: the trace of J S J^T there.

@@ -54,6 +54,7 @@ def solve_filter(
     does; the second one counts.
     """
     model = fit_odometry(odometry, trajectory, motion) if odometry is not None and len(motion) else None
+    motion = motion.held(trajectory.timestamps)
     first = _Filter(trajectory, motion, observations, model, (1.0, 1.0))
     first.run()
     return _Filter(trajectory, motion, observations, model, first.variance_factors()).run()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,14 @@ from recon.graph.observation import WallObservations
 
 LEAST = 1e-3
 """Part of a match's information that always stays, so that the chain of poses never breaks."""
+STRAY = 1.0
+"""m/s: how far from the prediction a platform may be where nothing tells: it does not jump."""
+SPEED = 0.5
+"""m/s: standard deviation of the speed of a platform that nothing tells; such platforms drive up to 1.5 m/s."""
+SAME_SPEED = 5.0
+"""s: over gaps up to this between motions that nothing tells the speed is as wrong as before."""
+MOST_SPEEDS = 32
+"""Stretches of the drive, at most, that have a speed of their own: this bounds what they cost."""
 
 
 @dataclass(frozen=True)
@@ -20,13 +28,48 @@ class Motion:
 
     relative: (N-1, 3) pose [x, y, yaw] of the later scan in the platform frame of the earlier one.
     covariance: (N-1, 3, 3) of those numbers, m and rad.
+    guessed: (N-1,) bool, motions that nothing tells along one direction: they are predictions.
+    unknown: (U, N-1, 2) m, changes of x and y by one standard deviation of numbers that motions share: they err alike.
     """
 
     relative: Array
     covariance: Array
+    guessed: NDArray[np.bool_] | None = None
+    unknown: Array = field(default_factory=lambda: np.zeros((0, 0, 2)))
 
     def __len__(self) -> int:
         return len(self.relative)
+
+    def held(self, timestamps: Array) -> Motion:
+        """The motions between scans at `timestamps` (N,), guessed ones held to what platforms can do.
+
+        Along the direction that nothing tells the deviation is STRAY at most, and all motions of a stretch have an
+        unknown speed in common: a guess errs the same way for long, which independent motions could not say.
+        """
+        if self.guessed is None or not self.guessed.any():
+            return self
+        rows, seconds = np.flatnonzero(self.guessed), np.diff(timestamps)
+        values, vectors = np.linalg.eigh(self.covariance[rows, :2, :2])
+        vague = vectors[:, :, 1] * np.where(vectors[:, :1, 1] < 0, -1.0, 1.0)  # ahead
+        shorter = np.minimum(STRAY * seconds[rows] / np.sqrt(values[:, 1]), 1.0)
+        shrink = np.tile(np.eye(3), (len(rows), 1, 1))
+        shrink[:, :2, :2] -= (1 - shorter)[:, None, None] * vague[:, :, None] * vague[:, None]
+        covariance = self.covariance.copy()
+        covariance[rows] = shrink @ covariance[rows] @ shrink.transpose(0, 2, 1)
+        stretch = _stretches(timestamps[rows])
+        unknown = np.zeros((stretch[-1] + 1, len(self), 2))
+        unknown[stretch, rows] = (SPEED * seconds[rows])[:, None] * vague
+        return replace(self, covariance=covariance, unknown=unknown)
+
+
+def _stretches(times: Array) -> NDArray[np.int64]:
+    """(n,) numbers of the stretches that times (n,), s, form, ascending."""
+    gap = SAME_SPEED
+    while True:
+        number = np.concatenate([[0], np.cumsum(np.diff(times) > gap)]).astype(np.int64)
+        if number[-1] < MOST_SPEEDS:
+            return number
+        gap *= 2
 
 
 def sqrt_information(relative: Array, information: Array) -> Array:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,17 @@ from numpy.typing import NDArray
 from recon.geometry import Array, between2, wrap_angle
 from recon.graph.covariance import Covariance
 from recon.graph.line import Lines, squared_distance
-from recon.graph.motion import sqrt_information
+from recon.graph.motion import information_beyond_walls, sqrt_information
 from recon.graph.odometry import OdometryModel
-from recon.graph.problem import Problem, build
+from recon.graph.problem import Graph, Problem, build
 from recon.memory import give_back
 
 Ints = NDArray[np.int64]
 
 MAX_ITERATIONS = 30
+SLIDE = 0.5
+"""m along a wall from which what was linear at the start no longer is: segments would pull along their walls."""
+ROUNDS = 10
 MOST_LAGS = 10
 """Segments of a wall over which their errors are followed."""
 LEAST_CORRELATION = 0.05
@@ -53,17 +57,21 @@ class Solution:
 
 
 def optimise(problem: Problem, final: bool) -> Solution:
-    """Levenberg-Marquardt from the problem's start; the `final` time with Huber's loss, before with Cauchy's."""
+    """Levenberg-Marquardt from the problem's start; the `final` time with Huber's loss, before with Cauchy's.
+
+    Anew from the solution where poses slid along their walls, since factors of walls say nothing of that only near the
+    start (`wall_measurements`).
+    """
     import gtsam
 
-    graph = build(problem, redescending=not final)
-    parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setMaxIterations(MAX_ITERATIONS)
-    parameters.setRelativeErrorTol(1e-6 if final else 1e-4)
-    parameters.setlambdaInitial(1e-6)
-    values = gtsam.LevenbergMarquardtOptimizer(graph.factors, graph.initial, parameters).optimize()
-    found = gtsam.utilities.extractPose2(values)  # in order of the keys
-    poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
+    for _ in range(ROUNDS):
+        graph = build(problem, redescending=not final)
+        values = _minimum(graph, final)
+        found = gtsam.utilities.extractPose2(values)  # in order of the keys
+        poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
+        if _slide(problem, poses, walls) < SLIDE:
+            break
+        problem = replace(problem, poses=poses, walls=replace(problem.walls, middle=walls[:, :2], angle=walls[:, 2]))
     covariance, rows = Covariance(graph.factors.linearize(values), graph.variables), graph.rows
     del graph  # large on a long drive, and of no further use
     give_back()
@@ -71,7 +79,30 @@ def optimise(problem: Problem, final: bool) -> Solution:
         covariance.add_unknown(
             _rows(rows["odometry"]), _change_with_scale(problem.odometry), problem.odometry.scale_sigma
         )
+    for change in problem.motion.unknown:
+        covariance.add_unknown(_rows(rows["motion"]), _change_with_motion(problem, change), 1.0)
     return Solution(poses, walls, covariance, rest[-1] if problem.control is not None else np.zeros(0), rows)
+
+
+def _minimum(graph: Graph, final: bool) -> Any:
+    import gtsam
+
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setMaxIterations(MAX_ITERATIONS)
+    parameters.setRelativeErrorTol(1e-6 if final else 1e-4)
+    parameters.setlambdaInitial(1e-6)
+    return gtsam.LevenbergMarquardtOptimizer(graph.factors, graph.initial, parameters).optimize()
+
+
+def _slide(problem: Problem, poses: Array, walls: Array) -> float:
+    """m: how far a pose has moved along a wall that it sees, at most."""
+    if not len(problem.observations):
+        return 0.0
+    seen_from, labels = problem.observations.pose, problem.labels
+    before = problem.walls.pose[labels, :2] - problem.poses[seen_from, :2]
+    delta = walls[labels, :2] - poses[seen_from, :2] - before
+    angle = walls[labels, 2]
+    return float(np.abs(np.cos(angle) * delta[:, 0] + np.sin(angle) * delta[:, 1]).max())
 
 
 def _rows(factors: Ints) -> Ints:
@@ -86,6 +117,15 @@ def _change_with_scale(odometry: OdometryModel) -> Array:
     x, y = relative[:, 0] / odometry.scale, relative[:, 1] / odometry.scale
     turned = np.stack([c * x + s * y, c * y - s * x, np.zeros(len(x))], axis=1)
     root = sqrt_information(relative, np.asarray(np.linalg.inv(covariance)))
+    return -np.asarray(np.einsum("nij,nj->ni", root, turned)).reshape(-1)
+
+
+def _change_with_motion(problem: Problem, change: Array) -> Array:
+    """(3(N-1),) by how much the residuals of scan matches change where the motions change by `change` (N-1, 2)."""
+    relative = problem.motion.relative
+    root = sqrt_information(relative, information_beyond_walls(problem.motion, problem.observations, problem.labels))
+    c, s, (x, y) = np.cos(relative[:, 2]), np.sin(relative[:, 2]), change.T
+    turned = np.stack([c * x + s * y, c * y - s * x, np.zeros(len(x))], axis=1)
     return -np.asarray(np.einsum("nij,nj->ni", root, turned)).reshape(-1)
 
 

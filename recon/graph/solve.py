@@ -84,8 +84,9 @@ def solve_graph(
     """
     config = config or GraphConfig()
     closures = closures or Closures.none()
-    drift = Drift.solved(len(trajectory)) if len(closures) else Drift.of_motion(motion, trajectory.poses)
-    given = _Given(motion, observations, closures)
+    held = motion.held(trajectory.timestamps)
+    drift = Drift.solved(len(trajectory)) if len(closures) else Drift.of_motion(held, trajectory.poses)
+    given = _Given(held, observations, closures)
     state = _solved(_start(trajectory, drift, observations), given)
     if odometry is not None and len(motion):
         state = replace(state, odometry=fit_odometry(odometry, Trajectory(trajectory.timestamps, state.poses), motion))

@@ -9,6 +9,7 @@ from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
 from recon.layout.recess import DEPTH, WIDTH
 from recon.layout.returns import Returns
+from recon.layout.swing import Swings
 from recon.model import Opening, OpeningType, Wall
 
 BIN = 0.05
@@ -22,9 +23,10 @@ LONGEST_PASSAGE = 3.0
 """m; a wider gap is no opening in a wall."""
 BESIDE = 0.10
 """m before and behind a wall where free space says that rays went through it."""
-LEAF_SECTOR = np.radians(6.0)
-LEAF_SHARE = 0.7
-"""Share of a leaf's width, from its hinge, that returns in one sector show."""
+JAMB = 0.2
+"""m beyond a gap's bins, where the wall beside it ends ..."""
+ALL_BUT = 0.98
+"""... as this share of its returns says: the others are strays."""
 TOP = 2.0
 """m, of openings whose head nothing has measured."""
 
@@ -35,13 +37,15 @@ def find_openings(walls: list[Wall], returns: Returns, space: FreeSpace, path: A
     """Recessed leaves (returns a little behind a wall) and gaps (rays through it) as openings, in order of walls.
 
     Inferred walls have no leaves, but rays through them are openings in them too. A gap is a door if its open leaf
-    stands at one of its ends, else a passage. path: (N, 2) m, where the platform drove: doors there are open.
+    stands at one of its ends, in either face of the wall, else a passage: a door whose leaf was taken off, or nobody
+    saw, is told from a passage by nothing. path: (N, 2) m, where the platform drove: doors there are open.
     """
     out: list[Opening] = []
+    swings = Swings(walls, space)
     for wall in walls:
         if wall.length < WIDTH[0]:
             continue
-        gaps = _gaps(wall, returns, space)
+        gaps = _gaps(wall, returns, space, swings)
         leaves = [] if wall.source == "inferred" else _leaves(wall, returns)
         leaves = [leaf for leaf in leaves if not any(_overlap(leaf, gap) for gap in gaps)]
         driven = _crossings(wall, path)
@@ -87,7 +91,7 @@ def _leaves(wall: Wall, returns: Returns) -> list[Stretch]:
     return out
 
 
-def _gaps(wall: Wall, returns: Returns, space: FreeSpace) -> list[Stretch]:
+def _gaps(wall: Wall, returns: Returns, space: FreeSpace, swings: Swings) -> list[Stretch]:
     """Stretches along the wall that rays went through."""
     count = max(1, int(np.ceil(wall.length / BIN)))
     middle = (np.arange(count) + 0.5) * BIN
@@ -103,33 +107,21 @@ def _gaps(wall: Wall, returns: Returns, space: FreeSpace) -> list[Stretch]:
         low, high = a * BIN, min(b * BIN, wall.length)
         known = open_ | solid
         if WIDTH[0] <= high - low <= LONGEST_PASSAGE and (wall.source == "inferred" or _has_jambs(a, b, open_, known)):
-            ends = wall.start + low * wall.direction, wall.start + high * wall.direction
-            is_door = high - low <= LONGEST_LEAF and _has_leaf(ends, returns)
+            low, high = _to_jambs(low, high, along[np.abs(across) < DEPTH[0]])
+            is_door = high - low <= LONGEST_LEAF and swings.has_leaf(wall, low, high)
             out.append(("door" if is_door else "passage", low, high))
     return out
 
 
-def _has_leaf(ends: tuple[Array, Array], returns: Returns) -> bool:
-    """Whether returns make a straight leaf, as wide as the gap, from one of its ends, not along the wall.
-
-    What goes on straight beyond a leaf's width is a wall.
-    """
-    width = float(np.linalg.norm(ends[1] - ends[0]))
-    for hinge, other in (ends, ends[::-1]):
-        offset = returns.around(hinge, 1.6 * width) - hinge
-        distance = np.linalg.norm(offset, axis=1)
-        along = (other - hinge) / width
-        turn = np.arctan2(along[0] * offset[:, 1] - along[1] * offset[:, 0], offset @ along)
-        aside = np.abs(np.sin(turn)) > np.sin(np.radians(20.0))
-        sector = np.round((turn[aside] + np.pi) / LEAF_SECTOR).astype(np.int64)
-        step = np.floor(distance[aside] / BIN).astype(np.int64)
-        filled = np.zeros((int(2 * np.pi / LEAF_SECTOR) + 2, int(1.6 * width / BIN) + 1), np.bool_)
-        filled[sector, step] = True
-        leaf = filled[:, int(0.2 * width / BIN) : int(0.9 * width / BIN)].mean(axis=1)
-        beyond = filled[:, int(1.15 * width / BIN) : int(1.5 * width / BIN)].mean(axis=1)
-        if np.any((leaf >= LEAF_SHARE) & (beyond < 1 - LEAF_SHARE)):
-            return True
-    return False
+def _to_jambs(low: float, high: float, along: Array) -> tuple[float, float]:
+    """The gap from `low` to `high` m along a wall, carried on to where returns (n,) on the wall end at its jambs."""
+    before = along[(along > low - JAMB) & (along < low + BIN)]
+    after = along[(along > high - BIN) & (along < high + JAMB)]
+    if len(before) >= MIN_RETURNS:
+        low = float(np.quantile(before, ALL_BUT))
+    if len(after) >= MIN_RETURNS:
+        high = float(np.quantile(after, 1 - ALL_BUT))
+    return low, high
 
 
 def _runs(flag: NDArray[np.bool_], known: NDArray[np.bool_]) -> list[tuple[int, int]]:

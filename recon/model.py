@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -38,17 +39,17 @@ class Wall:
     thickness: float | None = None
     unseen: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Length in m."""
         return float(np.linalg.norm(self.end - self.start))
 
-    @property
+    @cached_property
     def direction(self) -> Array:
         """Unit vector (2,) from start to end."""
         return np.asarray((self.end - self.start) / max(self.length, 1e-12))
 
-    @property
+    @cached_property
     def normal(self) -> Array:
         """Unit vector (2,) into the free space, to the left of `direction`."""
         d = self.direction

@@ -19,6 +19,7 @@ from recon.loops.pose_graph import Edges, solve
 from recon.loops.search import LoopSearch
 from recon.loops.submap import TURN_EFFORT, Submaps, choose_keyframes, make_submaps
 from recon.loops.ties import tie
+from recon.memory import give_back
 from recon.sequence.sequence import Scans
 from recon.sequence.trajectory import Trajectory
 
@@ -68,6 +69,7 @@ def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig, worke
     steps = between2(poses[:-1], poses[1:])
     search = LoopSearch(submaps, poses, _chain_of_submaps(submaps, steps, matching), config, workers)
     search.run()
+    give_back()  # its grids are gone, the pose graph of all scans is as large
     if not len(search.closures):
         return ClosedLoops.none(trajectory, search.rejected)
     anchors = submaps.anchor_scans

@@ -21,6 +21,7 @@ from recon.layout.line import PlanLine, merged_lines
 from recon.layout.objects import floor_objects
 from recon.layout.openings import find_openings
 from recon.layout.outline import Side, sides, spurs, walls_of
+from recon.layout.piers import with_piers
 from recon.layout.recess import absorb_steps
 from recon.layout.returns import Returns
 from recon.layout.rooms import regions, room_names, simple_polygons
@@ -50,7 +51,7 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     lines = without_leaves(lines, space)
     lines = without_clutter(absorb_steps(without_blocks(lines, space)), space)
     returns = Returns(starts, ends)
-    lines = with_surfaces(lines, returns)
+    lines = with_piers(with_surfaces(lines, returns), returns, space)
     visited = visited_space(space, [line for line in lines if is_sure(line)], path)
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))

@@ -24,7 +24,7 @@ from recon.calibration.synchronise import Drive, calibrate_with_clock
 from recon.config import Config
 from recon.faces import extrude
 from recon.geometry import Array, Pose3, between2
-from recon.graph.blind import Eye, blind_steps, guessed_steps, see_along
+from recon.graph.blind import Eye, blind_steps, guessed_steps, see_along, unplaced_scans
 from recon.graph.boundary import boundary_observations
 from recon.graph.closures import Closures
 from recon.graph.control import Control
@@ -220,7 +220,8 @@ def _closed(sequence: Sequence, matching: ScanMatching, config: Config, run: _Ru
     if config.graph.backend == "ekf":
         return ClosedLoops.none(matching.trajectory)
     with run.stage("loop closure"):
-        closed = close_loops(sequence.scans, matching, config.lidar, config.workers)
+        placed = replace(matching, failed=matching.failed | unplaced_scans(matching))
+        closed = close_loops(sequence.scans, placed, config.lidar, config.workers)
     run.counts["loop closures"] = len(closed.closures)
     return closed
 

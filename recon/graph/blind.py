@@ -134,6 +134,20 @@ def guessed_steps(matching: ScanMatching) -> NDArray[np.bool_]:
     return np.asarray(spread > GUESSED * STRAY * np.diff(matching.trajectory.timestamps))
 
 
+def unplaced_scans(matching: ScanMatching) -> NDArray[np.bool_]:
+    """(N,) scans beside or between motions that nothing tells, at most GAP apart: all along a bare corridor they look
+    the same, so that no place is known again by them."""
+    stamps, guessed = matching.trajectory.timestamps, np.flatnonzero(guessed_steps(matching))
+    if not len(guessed):
+        return np.zeros(len(stamps), np.bool_)
+    out = np.isin(np.arange(len(stamps)), np.concatenate([guessed, guessed + 1]))
+    after = np.searchsorted(guessed, np.arange(len(stamps)))
+    before, after = guessed[np.maximum(after - 1, 0)], guessed[np.minimum(after, len(guessed) - 1)]
+    return np.asarray(
+        out | ((stamps[before] <= stamps) & (stamps <= stamps[after]) & (stamps[after] - stamps[before] < GAP))
+    )
+
+
 def _look(matching: ScanMatching, segments: Sequence[Segments], eye: Eye, blind: NDArray[np.bool_]) -> Iterator[Seen]:
     """What pairs of images say that were taken while the scans were blind."""
     stamps, poses = matching.trajectory.timestamps, matching.trajectory.at(eye.times)

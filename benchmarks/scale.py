@@ -89,7 +89,8 @@ def measure(path: Path, count: int, odometry: bool) -> Run:
     with path.open("rb") as file:
         scans, truth, wheels = pickle.load(file)
     sequence = Sequence("patrol", _first(scans, count), odometry=wheels if odometry else None)
-    build(dataclasses.replace(sequence, scans=_first(scans, WARM)), Config())
+    del scans
+    build(dataclasses.replace(sequence, scans=_first(sequence.scans, WARM)), Config())
     clocks, wall, cpu = _Clocks(), time.perf_counter(), time.process_time()
     built = build(sequence, Config(), clocks)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu

@@ -66,7 +66,9 @@ def optimise(problem: Problem, final: bool) -> Solution:
 
     for _ in range(ROUNDS):
         graph = build(problem, redescending=not final)
+        give_back()
         values = _minimum(graph, final)
+        give_back()
         found = gtsam.utilities.extractPose2(values)  # in order of the keys
         poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
         if _slide(problem, poses, walls) < SLIDE:

@@ -27,14 +27,19 @@ TURN = math.radians(1.0)
 BLUR = 0.06
 """m, standard deviation of the likelihood around a map point."""
 MAX_POINTS = 120
+APART = (0.3, math.radians(5.0))
+"""m, rad between two places that an alignment from one would not tell apart."""
 PRIOR_WEIGHT = 0.01
 """What the squared normalised distance from the prior costs, in shares of the scan's points."""
 
 
-def search(cloud: Cloud, local: LocalMap, prior: Array, prior_information: Array, window: Array) -> Array:
-    """The pose (3,) at which most of the cloud lies on the map, within `window` (m, rad) (2,) of the prior (3,).
+def search(
+    cloud: Cloud, local: LocalMap, prior: Array, prior_information: Array, window: Array, places: int = 1
+) -> Array:
+    """Poses (places, 3) at which most of the cloud lies on the map, within `window` (m, rad) (2,) of the prior (3,).
 
-    The distance from the prior (information (3, 3), map frame) decides between places that look alike.
+    The best comes first; each other one is the best that is `APART` from those before it. The distance from the prior
+    (information (3, 3), map frame) decides between places that look alike.
     """
     thin = max(1, -(-len(cloud) // MAX_POINTS))
     xy, grid = cloud.xy[::thin].copy(), _likelihood(local.points, local.corner)
@@ -42,7 +47,10 @@ def search(cloud: Cloud, local: LocalMap, prior: Array, prior_information: Array
     cells = np.zeros((2 * turns + 1, len(xy), 2), np.int64)
     bounds = _bounds(xy, _coarse(grid), local.corner, prior, prior_information, shifts, turns, cells)
     order = np.argsort(-bounds, kind="stable")
-    return _best(grid, cells, bounds, order, prior, prior_information, shifts, turns)
+    poses = np.empty((places, 3))
+    for k in range(places):
+        poses[k] = _best(grid, cells, bounds, order, prior, prior_information, shifts, turns, poses[:k])
+    return poses
 
 
 @njit(cache=True)
@@ -101,9 +109,10 @@ def _bounds(
 
 @njit(cache=True)
 def _best(
-    grid: Array, cells: Ints, bounds: Array, order: Ints, prior: Array, information: Array, shifts: int, turns: int
-) -> Array:
-    """The best pose (3,): blocks in the order of their bounds, until no block left can be better."""
+    grid: Array, cells: Ints, bounds: Array, order: Ints, prior: Array, information: Array, shifts: int, turns: int,
+    others: Array,
+) -> Array:  # fmt: skip
+    """The best pose (3,) apart from others (k, 3): blocks in the order of their bounds, until none can be better."""
     best, pose, across = -math.inf, prior.copy(), 2 * shifts + 1
     for index in order:
         if bounds[index] <= best:
@@ -113,11 +122,22 @@ def _best(
         yaw = (t - turns) * TURN
         for du in range(first_u, first_u + STRIDE):
             for dv in range(first_v, first_v + STRIDE):
+                if not _is_apart(prior[0] + du * FINE, prior[1] + dv * FINE, prior[2] + yaw, others):
+                    continue
                 score = _score(grid, cells[t], du, dv) - _prior_cost(float(du), float(dv), yaw, information)
                 if score > best:
                     best = score
                     pose[0], pose[1], pose[2] = prior[0] + du * FINE, prior[1] + dv * FINE, prior[2] + yaw
     return pose
+
+
+@njit(cache=True)
+def _is_apart(x: float, y: float, yaw: float, others: Array) -> bool:
+    for k in range(len(others)):
+        near = math.hypot(x - others[k, 0], y - others[k, 1]) < APART[0]
+        if near and abs(yaw - others[k, 2]) < APART[1]:
+            return False
+    return True
 
 
 @njit(cache=True)

@@ -47,6 +47,10 @@ REACH = 3.0
 SMALLEST_WINDOW = (0.3, np.radians(10.0))
 LARGEST_WINDOW = (2.0, np.pi)
 """m, rad: bounds of the search."""
+PLACES = 4
+"""Places that a scan in doubt is aligned from without odometry: grids are too coarse to choose between them."""
+MARGIN = 0.03
+"""Share of a scan's points by which one of these must be better than the place next to the prediction."""
 FLOOR = (0.001, 0.0003)
 """m, rad: standard deviations of a relative motion that always stay."""
 SLIDING = 0.005
@@ -209,18 +213,31 @@ def _locate(
 
     free: nothing but constant velocity predicts, so that the scan may slide along a corridor.
     """
-    found = align(cloud, local, prior, prior, information, KERNEL, noise)
-    if free and _slides(found):
-        level = replace(cloud, information=np.minimum(cloud.information, LEVEL))
-        other = align(level, local, prior, prior, information, KERNEL, noise)
-        found = other if other.overlap >= found.overlap else found
+    found = _aligned(cloud, local, prior, prior, information, noise, free)
     if found.overlap >= GOOD_OVERLAP and _surprise(found.pose, prior, information) < MAX_SURPRISE:
         return found
     window = np.clip(REACH * sigma[[0, 2]], SMALLEST_WINDOW, LARGEST_WINDOW)
-    guess = search(cloud, local, prior, information, window)
-    other = align(cloud, local, guess, prior, information, KERNEL, noise)
-    gain = other.overlap - PRIOR_WEIGHT * _surprise(other.pose, prior, information)
-    return other if gain > found.overlap - PRIOR_WEIGHT * _surprise(found.pose, prior, information) else found
+    places, margin = (PLACES, MARGIN) if free else (1, 0.0)
+    guesses = search(cloud, local, prior, information, window, places)
+    others = [_aligned(cloud, local, guess, prior, information, noise, free) for guess in guesses]
+
+    def gain(place: Alignment) -> float:
+        return place.overlap - PRIOR_WEIGHT * _surprise(place.pose, prior, information)
+
+    best = max(others, key=gain)
+    return best if gain(best) > gain(found) + margin else found
+
+
+def _aligned(
+    cloud: Cloud, local: LocalMap, guess: Array, prior: Array, information: Array, noise: float, free: bool
+) -> Alignment:
+    """`align`, and again with points levelled where a scan that nothing holds slides."""
+    found = align(cloud, local, guess, prior, information, KERNEL, noise)
+    if free and _slides(found):
+        level = replace(cloud, information=np.minimum(cloud.information, LEVEL))
+        other = align(level, local, guess, prior, information, KERNEL, noise)
+        return other if other.overlap >= found.overlap else found
+    return found
 
 
 def _slides(found: Alignment) -> bool:
@@ -255,7 +272,7 @@ def _recover(cloud: Cloud, local: LocalMap, prior: Array, noise: float) -> Align
     """The best place far around a prediction that turned out wrong, None where the scan does not clearly lie on it."""
     information = np.diag(np.array(RECOVERY)[[0, 0, 1]] ** -2.0)
     window = np.array(RECOVERY)
-    guess = search(cloud, local, prior, information, window)
+    guess = search(cloud, local, prior, information, window)[0]
     found = align(cloud, local, guess, guess, information, KERNEL, noise)
     return found if found.overlap >= RECOVERED_OVERLAP and not _is_lost(found) else None
 

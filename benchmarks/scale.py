@@ -146,7 +146,7 @@ def picture(runs: list[Run], path: Path) -> None:
     left.legend(fontsize=8, loc="upper left", ncol=2)
     right.plot([run.scans for run in runs], [run.memory for run in runs], "o-")
     right.axhline(3072, color="k", ls="--", lw=0.8)
-    right.set(xlabel="scans", ylabel="peak memory, MiB", title="Memory", xscale="log", ylim=(0, 3300))
+    right.set(xlabel="scans", ylabel="peak memory, MiB", title="Memory", xscale="log", ylim=(0, 3700))
     figure.tight_layout()
     figure.savefig(path, dpi=110)
 

@@ -31,6 +31,8 @@ class WallObservations:
     @staticmethod
     def concatenate(parts: list[WallObservations]) -> WallObservations:
         """One after the other."""
+        if len(parts) == 1:
+            return parts[0]
         return WallObservations(
             np.concatenate([p.pose for p in parts]),
             np.concatenate([p.endpoints for p in parts]),

@@ -64,16 +64,17 @@ def optimise(problem: Problem, final: bool) -> Solution:
     """
     import gtsam
 
-    for _ in range(ROUNDS):
+    for left in reversed(range(ROUNDS)):
         graph = build(problem, redescending=not final)
         give_back()
         values = _minimum(graph, final)
         give_back()
         found = gtsam.utilities.extractPose2(values)  # in order of the keys
         poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
-        if _slide(problem, poses, walls) < SLIDE:
+        if left == 0 or _slide(problem, poses, walls) < SLIDE:
             break
         problem = replace(problem, poses=poses, walls=replace(problem.walls, middle=walls[:, :2], angle=walls[:, 2]))
+        del graph, values  # before the next one is built
     covariance, rows = Covariance(graph.factors.linearize(values), graph.variables), graph.rows
     del graph  # large on a long drive, and of no further use
     give_back()

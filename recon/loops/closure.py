@@ -30,7 +30,7 @@ FLOOR = (0.02, 0.004)
 """m, rad: how far submaps bend."""
 VAGUE = np.diag([1e-2, 1e-2, 1e-2])
 """Information of the guess: a metre and more, so that it only decides what nothing else does."""
-CACHED = 64
+CACHED = 32
 """Targets that are kept."""
 
 

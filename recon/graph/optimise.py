@@ -56,25 +56,24 @@ class Solution:
         return self.covariance.between(len(self.poses) + first, len(self.poses) + second)[:, 1:, 1:]
 
 
-def optimise(problem: Problem, final: bool) -> Solution:
+def optimise(problem: Problem, final: bool, rounds: int = ROUNDS) -> Solution:
     """Levenberg-Marquardt from the problem's start; the `final` time with Huber's loss, before with Cauchy's.
 
-    Anew from the solution where poses slid along their walls, since factors of walls say nothing of that only near the
-    start (`wall_measurements`).
+    Anew from the solution, up to `rounds` in all, where poses slid along their walls, since factors of walls say
+    nothing of that only near the start (`wall_measurements`).
     """
     import gtsam
 
-    for left in reversed(range(ROUNDS)):
-        graph = build(problem, redescending=not final)
-        give_back()
-        values = _minimum(graph, final)
-        give_back()
-        found = gtsam.utilities.extractPose2(values)  # in order of the keys
-        poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
-        if left == 0 or _slide(problem, poses, walls) < SLIDE:
-            break
-        problem = replace(problem, poses=poses, walls=replace(problem.walls, middle=walls[:, :2], angle=walls[:, 2]))
+    graph = build(problem, redescending=not final)
+    give_back()
+    values = _minimum(graph, final)
+    give_back()
+    found = gtsam.utilities.extractPose2(values)  # in order of the keys
+    poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
+    if rounds > 1 and _slide(problem, poses, walls) >= SLIDE:
         del graph, values  # before the next one is built
+        moved = replace(problem.walls, middle=walls[:, :2], angle=walls[:, 2])
+        return optimise(replace(problem, poses=poses, walls=moved), final, rounds - 1)
     covariance, rows = Covariance(graph.factors.linearize(values), graph.variables), graph.rows
     del graph  # large on a long drive, and of no further use
     give_back()

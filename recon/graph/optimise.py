@@ -23,6 +23,8 @@ MAX_ITERATIONS = 30
 SLIDE = 0.5
 """m along a wall from which what was linear at the start no longer is: segments would pull along their walls."""
 ROUNDS = 10
+REPEATED = 0.05
+"""A slide that differs by less than this part of the last one goes to and fro."""
 MOST_LAGS = 10
 """Segments of a wall over which their errors are followed."""
 LEAST_CORRELATION = 0.05
@@ -56,11 +58,11 @@ class Solution:
         return self.covariance.between(len(self.poses) + first, len(self.poses) + second)[:, 1:, 1:]
 
 
-def optimise(problem: Problem, final: bool, rounds: int = ROUNDS) -> Solution:
+def optimise(problem: Problem, final: bool, rounds: int = ROUNDS, last: float = 0.0) -> Solution:
     """Levenberg-Marquardt from the problem's start; the `final` time with Huber's loss, before with Cauchy's.
 
     Anew from the solution, up to `rounds` in all, where poses slid along their walls, since factors of walls say
-    nothing of that only near the start (`wall_measurements`).
+    nothing of that only near the start (`wall_measurements`); no more where they slid as far the `last` time, m.
     """
     import gtsam
 
@@ -70,10 +72,11 @@ def optimise(problem: Problem, final: bool, rounds: int = ROUNDS) -> Solution:
     give_back()
     found = gtsam.utilities.extractPose2(values)  # in order of the keys
     poses, walls, rest = np.split(found, [len(problem.poses), len(problem.poses) + len(problem.walls)])
-    if rounds > 1 and _slide(problem, poses, walls) >= SLIDE:
+    slide = _slide(problem, poses, walls)
+    if rounds > 1 and slide >= SLIDE and abs(slide - last) > REPEATED * last:
         del graph, values  # before the next one is built
         moved = replace(problem.walls, middle=walls[:, :2], angle=walls[:, 2])
-        return optimise(replace(problem, poses=poses, walls=moved), final, rounds - 1)
+        return optimise(replace(problem, poses=poses, walls=moved), final, rounds - 1, slide)
     covariance, rows = Covariance(graph.factors.linearize(values), graph.variables), graph.rows
     del graph  # large on a long drive, and of no further use
     give_back()

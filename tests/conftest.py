@@ -9,6 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from hypothesis import settings
+
+settings.register_profile("untimed", deadline=None)  # no test fails for being slow
+settings.load_profile("untimed")
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -137,6 +137,8 @@ def test_verbose_and_default_warn_of_the_sequence(
 def test_interruption_leaves_nothing_half_written(
     moment: str, tiny_sequence: Path, tmp_path: Path, run_recon: Any, stand_in: Callable[..., None]
 ) -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background start with it ignored
+
     def interrupted(*_: Any) -> Any:
         os.kill(os.getpid(), signal.SIGINT)
         signal.sigtimedwait([], 1)

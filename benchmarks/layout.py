@@ -143,7 +143,7 @@ def summary(results: list[Result]) -> list[str]:
 
 def shares(*parts: Calibration) -> str:
     """Share of the errors of all parts within one and within two sigmas."""
-    both = Calibration(np.concatenate([p.ratios for p in parts]), np.concatenate([p.errors for p in parts]))
+    both = Calibration.joined(parts)
     return f"{both.within(1):.0%} / {both.within(2):.0%}" if len(both.ratios) else "-"
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recon.geometry import Pose3
+from recon.geometry import LOOKING_AHEAD, Pose3
 from recon.sequence.groundtruth import read_groundtruth
 from recon.sequence.images import read_image_list
 from recon.simulate import Plan, simulate
@@ -104,8 +104,7 @@ def write_set(sequence: Path, folder: Path, files: Sequence[str] = ()) -> None:
 
 def mounting(platform_from_camera: Pose3) -> str:
     """mounting.yaml of a camera: height, tilt and roll, whichever way it looks on the platform."""
-    optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    down, *upright = -(platform_from_camera.rotation @ optical.T)[2]
+    down, *upright = -(platform_from_camera.rotation @ LOOKING_AHEAD.T)[2]
     tilt, roll = np.degrees([np.arcsin(down), np.arctan2(-upright[0], -upright[1])])
     height = platform_from_camera.translation[2]
     return f"camera_height: {height:.6f}\ntilt_deg: {tilt:.6f}\nroll_deg: {roll:.6f}\n"

@@ -50,17 +50,12 @@ def main() -> None:
         found.append(scores(Sequence(plan.name, simulation.scans), simulation.layout))
         print(row(f"{seed}: {rooms} rooms, {angles}", found[-1]), flush=True)
     if found:
-        print(row("**all**", SigmaScores(*(together([getattr(f, part) for f in found]) for part in PARTS))))
+        print(row("**all**", SigmaScores(*(Calibration.joined(getattr(f, part) for f in found) for part in PARTS))))
 
 
 def scores(sequence: Sequence, truth: Layout) -> SigmaScores:
     """Build from the scans alone and compare."""
     return sigma_scores(build(sequence, Config()).model.layout, truth)
-
-
-def together(parts: list[Calibration]) -> Calibration:
-    """All of them as one."""
-    return Calibration(np.concatenate([p.ratios for p in parts]), np.concatenate([p.errors for p in parts]))
 
 
 def row(name: str, found: SigmaScores) -> str:

@@ -19,6 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+TURN_EFFORT = 0.5
+"""m/rad: a turn on the spot counts as this way."""
+LOOKING_AHEAD: Array = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""(3, 3) platform_from_camera of a level camera that looks forward."""
+
 
 def wrap_angle(angle: ArrayLike) -> Array:
     """Angle(s) in radians brought into [-pi, pi)."""
@@ -56,6 +61,24 @@ def apply2(a_from_b: ArrayLike, points_b: ArrayLike) -> Array:
     """Points (N, 2) of frame b in frame a, for one planar pose (3,)."""
     pose = np.asarray(a_from_b, dtype=np.float64)
     return np.asarray(points_b, dtype=np.float64) @ rotation2(float(pose[2])).T + pose[:2]
+
+
+def driven2(steps: Array) -> Array:
+    """(N,) m driven up to each of N poses, from the N - 1 steps (N - 1, 3) between them; turns count too."""
+    effort = np.hypot(steps[:, 0], steps[:, 1]) + TURN_EFFORT * np.abs(steps[:, 2])
+    return np.concatenate([[0.0], np.cumsum(effort)])
+
+
+def turned2(covariances: Array, yaw: Array) -> Array:
+    """Covariances (N, 2, 2) of positions in frames that are turned by `yaw` (N,), rad, as seen from outside."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    return np.asarray(turn @ covariances @ turn.transpose(0, 2, 1))
+
+
+def cross2(a: Array, b: Array) -> Array:
+    """z component of the cross product of planar vectors (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def align2(points: ArrayLike, reference: ArrayLike) -> Array:
@@ -134,3 +157,15 @@ class Pose3:
 
         q = np.asarray(Rotation.from_matrix(self.rotation).as_quat(), dtype=np.float64)
         return -q if q[3] < 0 else q
+
+
+def mounted_camera(position: ArrayLike, yaw: float, tilt: float, roll: float) -> Pose3:
+    """platform_from_camera of a camera at `position` (3,) m that looks ahead, then is turned, tilted and rolled.
+
+    yaw to the left, tilt downwards, roll clockwise as seen from behind, rad.
+    """
+    c, s = np.cos, np.sin
+    about_z = np.array([[c(yaw), -s(yaw), 0.0], [s(yaw), c(yaw), 0.0], [0.0, 0.0, 1.0]])
+    about_y = np.array([[c(tilt), 0.0, s(tilt)], [0.0, 1.0, 0.0], [-s(tilt), 0.0, c(tilt)]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, c(roll), -s(roll)], [0.0, s(roll), c(roll)]])
+    return Pose3(about_z @ about_y @ about_x @ LOOKING_AHEAD, np.asarray(position, dtype=np.float64))

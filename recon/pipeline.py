@@ -26,7 +26,6 @@ from recon.faces import extrude
 from recon.geometry import Array, Pose3, between2
 from recon.graph.blind import Eye, blind_steps, guessed_steps, see_along, unplaced_scans
 from recon.graph.boundary import boundary_observations
-from recon.graph.closures import Closures
 from recon.graph.control import Control
 from recon.graph.ekf import solve_filter
 from recon.graph.estimate import MapEstimate
@@ -252,17 +251,11 @@ def _estimate(
         if config.graph.backend == "ekf":
             estimate = solve_filter(*given)
         else:
-            estimate = solve_graph(*given, config.graph, closures=_seen_again(closed), tape=tape, control=control)
+            estimate = solve_graph(*given, config.graph, closures=closed.seen_again, tape=tape, control=control)
             pairs = np.stack([closed.closures.first, closed.closures.second], axis=1)
             estimate = replace(estimate, closures=pairs)
     run.counts["wall lines"] = len(estimate.walls)
     return replace(estimate, odometry_clock=matching.clock)
-
-
-def _seen_again(closed: ClosedLoops) -> Closures:
-    """Scans tied to the map of other visits; where none could be, the closures between submaps."""
-    found = closed.ties if len(closed.ties) else closed.closures
-    return Closures(found.first, found.second, found.relative, found.covariance)
 
 
 def _wall_observations(segments: list[Segments]) -> WallObservations:

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from recon.evaluate.confusion import INVENTED, MISTAKES, STRENGTH, confusion, named, write_confusions
-from recon.evaluate.labels import label_scores, wall_meaning
+from recon.evaluate.labels import compare_labels, label_scores
 
 Labels = NDArray[np.uint16]
 
@@ -53,7 +53,7 @@ def test_mistakes_by_kind(pairs: list[tuple[Path, Path]]) -> None:
 
 
 def test_walls_are_named_as_those_they_stand_for(pairs: list[tuple[Path, Path]]) -> None:
-    meaning = wall_meaning(pairs)
+    _, meaning = compare_labels(pairs)
     labels = np.array([[1, 2, 3, 20, 21, 22]], np.uint16)
     assert named(labels, meaning).tolist() == [[1, 2, 3, 10, 11, INVENTED + 22]]
 

@@ -10,7 +10,7 @@ from graph_drive import Drive, drive, polygon, simulate
 
 from recon.config import GraphConfig
 from recon.geometry import Array, apply2, between2, compose2, wrap_angle
-from recon.graph.closures import Closures
+from recon.graph.edges import Edges
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.graph.motion import Motion
 from recon.graph.observation import WallObservations
@@ -123,7 +123,7 @@ def test_odometry_holds_where_walls_say_nothing() -> None:
     assert free.pose_sigmas[-1, 0] == pytest.approx(np.hypot(0.3, 0.006) * np.sqrt(len(run.motion)), rel=0.1)
 
 
-def there_and_back(seed: int, sigma: Array) -> tuple[Drive, Closures]:
+def there_and_back(seed: int, sigma: Array) -> tuple[Drive, Edges]:
     """Along an endless corridor and back, blind along it; three places on the way back measured from the way there."""
     walls = np.array([[[-50.0, -1], [50, -1]], [[50, 1], [-50, 1]]])
     run = simulate(walls, drive([(0, 0), (10, 0), (0, 0)]), seed)
@@ -134,7 +134,7 @@ def there_and_back(seed: int, sigma: Array) -> tuple[Drive, Closures]:
     back = len(run.truth) - 1 - there
     relative = between2(run.truth[there], run.truth[back]) + rng.normal(size=(3, 3)) * sigma
     covariance = np.broadcast_to(np.diag(sigma**2), (3, 3, 3)).copy()
-    return replace(run, motion=motion), Closures(there, back, relative, covariance)
+    return replace(run, motion=motion), Edges(there, back, relative, covariance)
 
 
 def test_closures_hold_where_walls_say_nothing_and_sigmas_stay_honest() -> None:
@@ -161,7 +161,7 @@ def test_closures_count_points_of_walls_once() -> None:
     there = len(run.truth) - 1 - back
     sigma = np.array([0.002, 0.002, 0.0005])
     covariance = np.broadcast_to(np.diag(sigma**2), (8, 3, 3)).copy()
-    closures = Closures(there, back, between2(run.truth[there], run.truth[back]), covariance)
+    closures = Edges(there, back, between2(run.truth[there], run.truth[back]), covariance)
     with_them = solve_graph(run.start, run.motion, run.observations, config=FREE, closures=closures)
     without = solve(run, FREE)
     ratio = with_them.pose_sigmas[back] / without.pose_sigmas[back]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from recon.config import LidarConfig
 from recon.geometry import Array, apply2, between2, compose2, wrap_angle
-from recon.graph.closures import Closures
+from recon.graph.edges import Edges
 from recon.graph.intervals import covered, union
 from recon.graph.line import Lines, carry, squared_distance
 from recon.graph.merge import join, merge_labels
@@ -188,7 +188,7 @@ def test_sparse_covariances_are_the_dense_ones() -> None:
     walls = Lines.of_observations(run.observations, run.truth)[first]
     end, sigma = len(run.truth) - 1, np.array([0.01, 0.01, 0.002])
     again = between2(run.truth[0], run.truth[end])[None]
-    closures = Closures(np.array([0]), np.array([end]), again, np.diag(sigma**2)[None])
+    closures = Edges(np.array([0]), np.array([end]), again, np.diag(sigma**2)[None])
     solution = optimise(Problem(run.truth, run.motion, run.observations, labels, walls, closures=closures), True)
     covariance, count = solution.covariance, len(run.truth) + len(names)
     root = covariance.jacobian.toarray()

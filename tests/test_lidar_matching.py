@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scan_drive
+from scan_drive import box, polygon
 from scipy.interpolate import CubicSpline
 
 from recon.config import LidarConfig
@@ -18,25 +20,7 @@ Path2 = Callable[[Array], Array]
 """Times (N,) s to true poses (N, 3)."""
 
 
-def polygon(*corners: tuple[float, float]) -> Array:
-    points = np.array(corners)
-    return np.stack([points, np.roll(points, -1, axis=0)], axis=1)
-
-
-def box(x: float, y: float, width: float, depth: float, yaw: float = 0.0) -> Array:
-    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [width / 2, depth / 2]
-    return polygon(*(tuple(c) for c in apply2([x, y, yaw], corners)))
-
-
-OFFICE = np.concatenate(
-    [
-        polygon((0, 0), (9, 0), (9, 5), (5, 5), (5, 8), (0, 8)),
-        box(2, 5, 1.2, 0.6),
-        box(7, 3.5, 0.8, 0.8, 0.4),
-        box(4.2, 1.0, 0.3, 0.3),
-        box(0.3, 2.5, 0.6, 1.5),
-    ]
-)
+OFFICE = np.concatenate([scan_drive.OFFICE, box(0.3, 2.5, 0.6, 1.5)])
 CORRIDOR = polygon((-30, -1.1), (60, -1.1), (60, 1.1), (-30, 1.1))
 
 

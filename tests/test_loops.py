@@ -12,6 +12,7 @@ from scan_drive import FULL, OFFICE, cast_scans, polygon, wheel_odometry
 from recon.config import LidarConfig
 from recon.evaluate.trajectory import trajectory_errors
 from recon.geometry import Array, apply2, between2, compose2, wrap_angle
+from recon.graph.edges import Edges
 from recon.lidar.cloud import Cloud
 from recon.lidar.clouds import Clouds
 from recon.lidar.matching import match_scans
@@ -20,7 +21,7 @@ from recon.loops.branch_and_bound import search
 from recon.loops.close import close_loops
 from recon.loops.drift import Drift, chain_between
 from recon.loops.grid import CELL, build_pyramid
-from recon.loops.pose_graph import BARC, Edges, solve, solve_consistent
+from recon.loops.pose_graph import BARC, solve, solve_consistent
 from recon.loops.search import CANDIDATES, LoopSearch
 from recon.loops.submap import make_submaps
 from recon.loops.ties import VISITS

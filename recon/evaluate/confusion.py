@@ -9,16 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import OutputError
-from recon.evaluate.labels import (
-    CEILING,
-    FIRST_WALL,
-    OBJECT,
-    UNLABELLED,
-    label_scores,
-    read_label_image,
-    wall_meaning,
-)
-from recon.labels import draw_labels
+from recon.evaluate.labels import compare_labels, read_label_image
+from recon.labels import CEILING, FIRST_WALL, OBJECT, UNLABELLED, draw_labels
 
 INVENTED = 1000
 """Added to walls without a counterpart, so that they are drawn as walls of their own."""
@@ -34,12 +26,12 @@ def write_confusions(pairs: list[tuple[Path, Path]], images: dict[str, Path], fo
 
     pairs: label images, (estimate, truth). images: photographs by stem; grey without one. Estimated walls have the
     colours and numbers of the true walls that they stand for, or numbers from INVENTED on. Raises InputError as
-    `label_scores`, OutputError where `folder` cannot be written.
+    `compare_labels`, OutputError where `folder` cannot be written.
     """
-    scores = label_scores(pairs)
-    if scores is None:
+    if not pairs:
         return []
-    meaning, by_stem = wall_meaning(pairs), {truth.stem: (mine, truth) for mine, truth in pairs}
+    scores, meaning = compare_labels(pairs)
+    by_stem = {truth.stem: (mine, truth) for mine, truth in pairs}
     out = []
     try:
         folder.mkdir(exist_ok=True)

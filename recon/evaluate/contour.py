@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array, Pose3, apply2, inverse2
+from recon.geometry import Array, Pose3, apply2, cross2, inverse2
 from recon.labels import FIRST_WALL, FLOOR
 from recon.model import Wall
 from recon.sequence.camera import Camera
@@ -39,9 +39,9 @@ def layout_ranges(walls: tuple[Wall, ...], map_from_platform: Array) -> Array:
     direction = np.stack([np.cos(ALL_ROUND), np.sin(ALL_ROUND)], axis=1)[:, None]  # (360, 1, 2) against (W, 2)
     along = end - start
     with np.errstate(divide="ignore", invalid="ignore"):
-        determinant = _cross(direction, along)
-        reach = _cross(start, along) / determinant
-        part = _cross(start, direction) / determinant
+        determinant = cross2(direction, along)
+        reach = cross2(start, along) / determinant
+        part = cross2(start, direction) / determinant
     hit = (reach > MIN_RANGE) & (part >= 0.0) & (part <= 1.0)
     return np.asarray(np.where(hit, reach, np.inf).min(axis=1))
 
@@ -99,10 +99,6 @@ def on_floor(pixels: Array, camera: Camera, platform_from_camera: Pose3) -> tupl
     origin = platform_from_camera.translation
     reach = origin[2] / np.where(down, -rays[:, 2], 1.0)
     return origin[:2] + reach[:, None] * rays[:, :2], down
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _straight(points: Array) -> NDArray[np.bool_]:

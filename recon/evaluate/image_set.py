@@ -6,12 +6,12 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import InputError
-from recon.geometry import Array, Pose3, rotation2
+from recon.evaluate.labels import read_label_image
+from recon.geometry import Array, Pose3, mounted_camera
 from recon.layout_file import read_layout
 from recon.model import Layout
 from recon.sequence.camera import Camera
@@ -140,23 +140,17 @@ def read_mounting(path: Path) -> Pose3:
 def mounting_pose(height: float, tilt_deg: float, roll_deg: float) -> Pose3:
     """platform_from_camera of a camera above the platform's origin (m) that looks ahead, tilted down, then rolled."""
     tilt, roll = np.radians([tilt_deg, roll_deg])
-    optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    about_y, about_x = np.eye(3), np.eye(3)
-    about_y[np.ix_([2, 0], [2, 0])] = rotation2(tilt)
-    about_x[1:, 1:] = rotation2(roll)
-    return Pose3(about_y @ about_x @ optical, np.array([0.0, 0.0, height]))
+    return mounted_camera([0.0, 0.0, height], 0.0, tilt, roll)
 
 
 def read_labels(path: Path, camera: Camera) -> NDArray[np.uint16]:
     """A label image of the camera's size; raises InputError for another size or kind."""
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if image is None or image.ndim != 2:
-        raise InputError(f"{path}: is no PNG with one channel")
+    image = read_label_image(path)
     if image.shape != (camera.height, camera.width):
         raise InputError(
             f"{path}: is {image.shape[1]} x {image.shape[0]} pixels, camera.yaml says {camera.width} x {camera.height}"
         )
-    return np.asarray(image, dtype=np.uint16)
+    return image
 
 
 def _found(folder: Path) -> ImageList:

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import InputError
+from recon.labels import CEILING, FIRST_WALL, FLOOR, OBJECT, UNLABELLED
 
-UNLABELLED, CEILING, FIRST_WALL = 0, 2, 10
 MAX_LABEL = 4096
-OBJECT = 3
-NAMES = {UNLABELLED: "unlabelled", 1: "floor", CEILING: "ceiling", OBJECT: "object"}
+NAMES = {UNLABELLED: "unlabelled", FLOOR: "floor", CEILING: "ceiling", OBJECT: "object"}
 
 
 @dataclass(frozen=True)
@@ -35,12 +34,19 @@ class LabelScores:
 def label_scores(pairs: list[tuple[Path, Path]]) -> LabelScores | None:
     """Compare label images, (estimate, truth) paths; None when there is no pair.
 
+    Raises InputError as `compare_labels`.
+    """
+    return compare_labels(pairs)[0] if pairs else None
+
+
+def compare_labels(pairs: list[tuple[Path, Path]]) -> tuple[LabelScores, NDArray[np.int64]]:
+    """Scores of label images, (estimate, truth) paths, and what each estimated label means: (MAX_LABEL,) the true label
+    that it stands for over the drive, -1 for none.
+
     Pixels that are unlabelled or ceiling in the truth are not scored. Strict about walls: each estimated wall stands
     for one true wall and each true wall for one estimated one, chosen over the whole drive for most common pixels.
     Raises InputError for damaged images and images of different size.
     """
-    if not pairs:
-        return None
     confusions = [_confusion(*pair) for pair in pairs]
     total = _total(confusions)
     meaning = _meaning(total)
@@ -54,12 +60,7 @@ def label_scores(pairs: list[tuple[Path, Path]]) -> LabelScores | None:
     order = np.argsort(accuracies, kind="stable")[:5]
     worst = tuple((pairs[i][1].stem, float(accuracies[i])) for i in order)
     wrong = _mistakes(total, meaning)
-    return LabelScores(len(pairs), right / max(scored, 1), float(np.median(accuracies)), worst, wrong)
-
-
-def wall_meaning(pairs: list[tuple[Path, Path]]) -> NDArray[np.int64]:
-    """(MAX_LABEL,) the true label that each estimated one stands for over the drive, -1 for none; as `label_scores`."""
-    return _meaning(_total([_confusion(*pair) for pair in pairs]))
+    return LabelScores(len(pairs), right / max(scored, 1), float(np.median(accuracies)), worst, wrong), meaning
 
 
 Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
@@ -74,12 +75,13 @@ def _total(confusions: list[Counts]) -> NDArray[np.int64]:
 
 def _mistakes(total: NDArray[np.int64], meaning: NDArray[np.int64]) -> dict[str, float]:
     rows, columns = np.nonzero(total)
+    pixels = total.sum()
     shares: dict[str, float] = {}
     for mine, true in zip(rows.tolist(), columns.tolist(), strict=True):
         if meaning[mine] != true:
             both_walls = min(mine, true) >= FIRST_WALL
             name = f"{NAMES.get(true, 'wall')} as {'another wall' if both_walls else NAMES.get(mine, 'wall')}"
-            shares[name] = shares.get(name, 0.0) + float(total[mine, true] / total.sum())
+            shares[name] = shares.get(name, 0.0) + float(total[mine, true] / pixels)
     return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
@@ -99,7 +101,7 @@ def read_label_image(path: Path) -> NDArray[np.uint16]:
     """Labels (H, W); raises InputError for anything but one channel of labels below MAX_LABEL."""
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if image is None or image.ndim != 2:
-        raise InputError(f"{path}: is no single-channel PNG")
+        raise InputError(f"{path}: is no PNG with one channel, expected single-channel labels")
     if int(image.max(initial=0)) >= MAX_LABEL:
         raise InputError(f"{path}: holds label {int(image.max())}, expected less than {MAX_LABEL}")
     return np.asarray(image, dtype=np.uint16)

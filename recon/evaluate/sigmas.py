@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,12 @@ class Calibration:
 
     ratios: Array
     errors: Array
+
+    @staticmethod
+    def joined(parts: Iterable[Calibration]) -> Calibration:
+        """All of them as one."""
+        some = list(parts)
+        return Calibration(np.concatenate([p.ratios for p in some]), np.concatenate([p.errors for p in some]))
 
     def within(self, sigmas: float) -> float:
         """Share of errors of at most so many standard deviations; nan without errors. Gaussian: 0.683, 0.954."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
+from recon.geometry import Array, turned2
 from recon.graph.line import FLATNESS, Lines, symmetric
 from recon.graph.motion import Motion
 from recon.graph.nearest import NONE, nearest_walls
@@ -47,10 +47,7 @@ class Drift:
     @staticmethod
     def of_motion(motion: Motion, poses: Array) -> Drift:
         """Drift of a chain of measured motions, independent of each other, along `poses` (N, 3)."""
-        yaw = poses[:-1, 2]
-        c, s = np.cos(yaw), np.sin(yaw)
-        turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-        step = turn @ motion.covariance[:, :2, :2] @ turn.transpose(0, 2, 1)
+        step = turned2(motion.covariance[:, :2, :2], poses[:-1, 2])
         position = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(step, axis=0)])
         heading = np.concatenate([[0.0], np.cumsum(motion.covariance[:, 2, 2])])
         return Drift(position, heading, 0.01, 0.003)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recon.calibration.frames import segments_at
 from recon.calibration.result import Calibration
-from recon.geometry import Array, between2, compose2, rotation2, wrap_angle
+from recon.geometry import Array, between2, compose2, rotation2, turned2, wrap_angle
 from recon.graph.motion import STRAY
 from recon.graph.patches import Guess, likely_way
 from recon.graph.slide import Slide, Step, estimate_slide, on_surfaces, project
@@ -191,10 +191,7 @@ class _Pairs:
 
 def _in_map(matching: ScanMatching) -> Array:
     """(N-1, 2, 2) m^2: covariances of the scan matches' positions, map frame."""
-    yaw = matching.trajectory.poses[:-1, 2]
-    c, s = np.cos(yaw), np.sin(yaw)
-    turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-    return np.asarray(turn @ matching.scan_covariances[:, :2, :2] @ turn.transpose(0, 2, 1))
+    return turned2(matching.scan_covariances[:, :2, :2], matching.trajectory.poses[:-1, 2])
 
 
 def _step(relative: Array, direction: Array) -> Step:

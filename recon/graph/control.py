@@ -16,7 +16,7 @@ from recon.errors import InputError
 from recon.geometry import Array, align2, apply2, between2, compose2, inverse2, rotation2
 from recon.graph.estimate import Survey
 from recon.graph.line import Lines
-from recon.graph.tape import carried, nearest_walls
+from recon.graph.tape import carried, landmark_pairs
 
 if TYPE_CHECKING:
     from recon.graph.covariance import Covariance
@@ -87,8 +87,7 @@ class Control:
 
     def landmarks(self, walls: Lines) -> Ints:
         """(C, 2) rows of `walls` that meet in the corners; InputError where no landmark is there any more."""
-        found = np.stack([nearest_walls(self.first, walls), nearest_walls(self.second, walls)], axis=1)
-        missing = np.flatnonzero((found < 0).any(axis=1) | (found[:, 0] == found[:, 1]))
+        found, missing = landmark_pairs(self.first, self.second, walls)
         if len(missing):
             raise InputError(f"{self.names[self.marks + missing[0]]}: one of the walls is not measured by the scans")
         return found

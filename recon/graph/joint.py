@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array
+from recon.graph.line import lever
 
 Ints = NDArray[np.int64]
 
@@ -38,12 +39,4 @@ class WallCovariance:
         Offsets are at the walls' origins, across them towards their free space.
         """
         blocks = self.landmarks.between_walls(self.number[first], self.number[second])
-        return np.asarray(_lever(self.along[first]) @ blocks @ _lever(self.along[second]).transpose(0, 2, 1))
-
-
-def _lever(along: Array) -> Array:
-    """(P, 2, 2) matrices that take (offset, angle) of a line to `along` (P,) metres from its origin."""
-    out = np.zeros((len(along), 2, 2))
-    out[:, 0, 0] = out[:, 1, 1] = 1.0
-    out[:, 0, 1] = along
-    return out
+        return np.asarray(lever(self.along[first]) @ blocks @ lever(self.along[second]).transpose(0, 2, 1))

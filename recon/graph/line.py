@@ -21,6 +21,14 @@ def carry(covariance: Array, along: Array) -> Array:
     return symmetric(off, c01 + along * c11, c11)
 
 
+def lever(along: Array) -> Array:
+    """Matrices (..., 2, 2) that take (offset, angle) of a line to `along` (...,) metres from its origin."""
+    out = np.zeros((*along.shape, 2, 2))
+    out[..., 0, 0] = out[..., 1, 1] = 1.0
+    out[..., 0, 1] = along
+    return out
+
+
 def symmetric(first: Array, mixed: Array, second: Array | float) -> Array:
     """Symmetric matrices (..., 2, 2) from their three entries."""
     out = np.empty((*np.shape(first), 2, 2))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.graph.association import GATE, MAX_TURN
-from recon.graph.line import FLATNESS, Difference, Lines, carry, squared_distance
+from recon.graph.line import FLATNESS, Difference, Lines, carry, lever, squared_distance
 
 Ints = NDArray[np.int64]
 Covariances = Callable[[Ints, Ints], Array]
@@ -108,7 +108,7 @@ def _test(row: Lines, column: Lines, apart: Difference, cross: Array) -> tuple[A
     low, high = np.maximum(-column.half, apart.along - row.half), np.minimum(column.half, apart.along + row.half)
     in_column = (low + high) / 2
     in_row = (in_column - apart.along) * np.cos(apart.angle)
-    mixed = _lever(in_row) @ cross @ _lever(in_column).transpose(0, 2, 1)
+    mixed = lever(in_row) @ cross @ lever(in_column).transpose(0, 2, 1)
     spread = carry(row.covariance, in_row) + carry(column.covariance, in_column) - mixed - mixed.transpose(0, 2, 1)
     sigma = np.sqrt(np.maximum(spread[:, 0, 0], 0))
     flatness = np.where(apart.gap <= 0, FLATNESS, IN_LINE)
@@ -116,14 +116,6 @@ def _test(row: Lines, column: Lines, apart: Difference, cross: Array) -> tuple[A
     shorter = np.maximum(np.minimum(row.half, column.half), FLATNESS)
     spread[:, 1, 1] = np.maximum(spread[:, 1, 1], 0) + (flatness / shorter) ** 2
     return squared_distance(apart.offset + in_row * np.sin(apart.angle), apart.angle, spread), sigma
-
-
-def _lever(along: Array) -> Array:
-    """(..., 2, 2) matrices that take (offset, angle) of a line to `along` (...,) metres from its origin."""
-    out = np.zeros((*along.shape, 2, 2))
-    out[..., 0, 0] = out[..., 1, 1] = 1.0
-    out[..., 0, 1] = along
-    return out
 
 
 def join(walls: Lines, label: Ints) -> Lines:
@@ -134,7 +126,7 @@ def join(walls: Lines, label: Ints) -> Lines:
         longest = members[np.array([np.argmax(members.half)])]
         apart = Difference.between(members, longest)
         along, angle = apart.along[:, 0], apart.angle[:, 0]
-        back = _lever(-along)
+        back = lever(-along)
         information = np.linalg.inv(back @ members.covariance @ back.transpose(0, 2, 1))
         offset = apart.offset[:, 0] - along * angle
         total = np.linalg.inv(information.sum(axis=0))
@@ -150,10 +142,10 @@ def _moved(line: Lines, shift: Array, covariance: Array, low: float, high: float
     normal = np.array([[-np.sin(line.angle[0]), np.cos(line.angle[0])]])
     middle = (low + high) / 2
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    lever = _lever(np.array([middle]))
+    carried = lever(np.array([middle]))
     return Lines(
         line.middle + normal * shift[0] + direction * middle,
         angle,
         np.array([(high - low) / 2]),
-        lever @ covariance[None] @ lever.transpose(0, 2, 1),
+        carried @ covariance[None] @ carried.transpose(0, 2, 1),
     )

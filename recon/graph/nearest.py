@@ -93,9 +93,27 @@ def _nearest(
 @njit(cache=True)
 def _distance(line: Array, spread: Array, wall: Array, reach: float, turn: float) -> float:
     """Squared Mahalanobis distance of a line from a wall, infinite where they do not touch or are turned."""
+    along, offset, angle = seen_from(wall, line)
+    if is_apart(along, angle, line[3], wall[3], reach, turn):
+        return math.inf
+    return squared_distance_of(offset, angle, spread[0, 0], spread[0, 1], spread[1, 1])
+
+
+@njit(cache=True)
+def seen_from(wall: Array, line: Array) -> tuple[float, float, float]:
+    """Where a line's middle is along a wall and off it (m), and how the line is turned against it (rad)."""
     angle = (line[2] - wall[2] + math.pi) % (2 * math.pi) - math.pi
     dx, dy, c, s = line[0] - wall[0], line[1] - wall[1], math.cos(wall[2]), math.sin(wall[2])
-    if abs(angle) > turn or abs(c * dx + s * dy) - wall[3] - line[3] * abs(math.cos(angle)) > reach:
-        return math.inf
-    offset, a, b, d = c * dy - s * dx, spread[0, 0], spread[0, 1], spread[1, 1]
+    return c * dx + s * dy, c * dy - s * dx, angle
+
+
+@njit(cache=True)
+def is_apart(along: float, angle: float, half: float, wall_half: float, reach: float, turn: float) -> bool:
+    """Whether more than `reach` m lie between a line and a wall along it, or more than `turn` rad in direction."""
+    return bool(abs(angle) > turn or abs(along) - wall_half - half * abs(math.cos(angle)) > reach)
+
+
+@njit(cache=True)
+def squared_distance_of(offset: float, angle: float, a: float, b: float, d: float) -> float:
+    """Of (offset, angle) with the covariance [[a, b], [b, d]]."""
     return float((d * offset * offset - 2 * b * offset * angle + a * angle * angle) / (a * d - b * b))

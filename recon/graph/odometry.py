@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.geometry import Array, between2, wrap_angle
+from recon.geometry import Array, between2, turned2, wrap_angle
 from recon.graph.motion import Motion
 from recon.sequence.trajectory import Trajectory
 
@@ -84,15 +84,9 @@ def _windows(effort: Array, inside: Array) -> Array:
 def _chain(motion: Motion, poses: Array, first: Array, last: Array) -> Array:
     """(W, 2, 2) covariance of position over each window from the scan matches, in the frame of its first scan."""
     yaw = poses[:, 2]
-
-    def turned(matrix: Array, angle: Array) -> Array:
-        c, s = np.cos(angle), np.sin(angle)
-        turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-        return np.asarray(turn @ matrix @ turn.transpose(0, 2, 1))
-
-    steps = turned(motion.covariance[:, :2, :2], yaw[:-1])
+    steps = turned2(motion.covariance[:, :2, :2], yaw[:-1])
     total = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(steps, axis=0)])
-    return turned(total[last] - total[first], -yaw[first])
+    return turned2(total[last] - total[first], -yaw[first])
 
 
 def _alternate(said: Array, true: Array, way: Array, spread: Array) -> tuple[float, float, float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -84,8 +85,9 @@ def optimise(problem: Problem, final: bool, rounds: int = ROUNDS, last: float = 
         covariance.add_unknown(
             _rows(rows["odometry"]), _change_with_scale(problem.odometry), problem.odometry.scale_sigma
         )
-    for change in problem.motion.unknown:
-        covariance.add_unknown(_rows(rows["motion"]), _change_with_motion(problem, change), 1.0)
+    if len(problem.motion.unknown):
+        for change in _change_with_motions(problem):
+            covariance.add_unknown(_rows(rows["motion"]), change, 1.0)
     return Solution(poses, walls, covariance, rest[-1] if problem.control is not None else np.zeros(0), rows)
 
 
@@ -125,13 +127,14 @@ def _change_with_scale(odometry: OdometryModel) -> Array:
     return -np.asarray(np.einsum("nij,nj->ni", root, turned)).reshape(-1)
 
 
-def _change_with_motion(problem: Problem, change: Array) -> Array:
-    """(3(N-1),) by how much the residuals of scan matches change where the motions change by `change` (N-1, 2)."""
+def _change_with_motions(problem: Problem) -> Iterator[Array]:
+    """(3(N-1),) by how much the residuals of scan matches change with each unknown of the motions."""
     relative = problem.motion.relative
     root = sqrt_information(relative, information_beyond_walls(problem.motion, problem.observations, problem.labels))
-    c, s, (x, y) = np.cos(relative[:, 2]), np.sin(relative[:, 2]), change.T
-    turned = np.stack([c * x + s * y, c * y - s * x, np.zeros(len(x))], axis=1)
-    return -np.asarray(np.einsum("nij,nj->ni", root, turned)).reshape(-1)
+    c, s = np.cos(relative[:, 2]), np.sin(relative[:, 2])
+    for x, y in problem.motion.unknown.transpose(0, 2, 1):
+        turned = np.stack([c * x + s * y, c * y - s * x, np.zeros(len(x))], axis=1)
+        yield -np.asarray(np.einsum("nij,nj->ni", root, turned)).reshape(-1)
 
 
 def _off_walls(problem: Problem, solution: Solution) -> tuple[Array, Lines]:

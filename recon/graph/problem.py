@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array, wrap_angle
-from recon.graph.closures import Closures, closure_information
+from recon.graph.closures import closure_information
 from recon.graph.control import Control, control_factors, fitted_frame
+from recon.graph.edges import Edges
 from recon.graph.line import Lines, carry
 from recon.graph.motion import Motion, information_beyond_walls, sqrt_information
 from recon.graph.observation import WallObservations
@@ -49,7 +50,7 @@ class Problem:
     odometry: OdometryModel | None = None
     axes: tuple[Axis, ...] = ()
     tape: Tape | None = None
-    closures: Closures = field(default_factory=Closures.none)
+    closures: Edges = field(default_factory=Edges.none)
     control: Control | None = None
     repetition: Array = field(default_factory=lambda: np.ones(2))
 

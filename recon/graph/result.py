@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array, wrap_angle
+from recon.geometry import Array, turned2, wrap_angle
 from recon.graph.association import GATE
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.graph.intervals import supported
@@ -58,17 +58,16 @@ def map_estimate(timestamps: Array, problem: Problem, solution: Solution) -> Map
             middles.append((intervals[0, 0] + intervals[-1, 1]) / 2)
     scale = None if problem.odometry is None else problem.odometry.scale
     whole, by_scan = residuals(problem, solution)
-    kept = unshadowed(walls)
-    chosen = np.isin([id(wall) for wall in walls], [id(wall) for wall in kept])
+    kept = ~shadowed(walls)
     return MapEstimate(
         Trajectory(np.asarray(timestamps, dtype=np.float64), poses),
         pose_sigmas(poses, blocks[: len(poses)]),
-        kept,
+        tuple(wall for wall, stays in zip(walls, kept, strict=True) if stays),
         scale,
         whole,
         tape_distances(problem, solution),
         scan_residuals=by_scan,
-        joint=WallCovariance(solution, np.array(numbers, np.int64)[chosen], np.array(middles)[chosen]),
+        joint=WallCovariance(solution, np.array(numbers, np.int64)[kept], np.array(middles)[kept]),
     )
 
 
@@ -97,31 +96,33 @@ def pose_sigmas(poses: Array, blocks: Array) -> Array:
 
     blocks: (N, 3, 3) covariances of the poses, each in its own frame.
     """
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-    position = turn @ blocks[:, :2, :2] @ turn.transpose(0, 2, 1)
+    position = turned2(blocks[:, :2, :2], poses[:, 2])
     variance = np.stack([position[:, 0, 0], position[:, 1, 1], blocks[:, 2, 2]], axis=1)
     return np.sqrt(np.maximum(variance, 0))
 
 
 def unshadowed(walls: list[WallLine]) -> tuple[WallLine, ...]:
-    """Without walls just before or behind which a wall seen far more often runs along most of their length.
+    """Those of the walls that are not `shadowed`."""
+    return tuple(wall for wall, gone in zip(walls, shadowed(walls), strict=True) if not gone)
+
+
+def shadowed(walls: list[WallLine]) -> NDArray[np.bool_]:
+    """(W,) walls just before or behind which a wall seen far more often runs along most of their length.
 
     Of walls that all but coincide the one seen most often stays.
     """
+    out = np.zeros(len(walls), np.bool_)
     if not walls:
-        return ()
+        return out
     pose, seen = np.array([w.pose for w in walls]), np.array([w.observations for w in walls])
-    kept = []
-    for wall in walls:
+    for number, wall in enumerate(walls):
         turn = np.abs(wrap_angle(wall.pose[2] - pose[:, 2]))
         to = wall.pose[:2] - pose[:, :2]
         offset = np.abs(np.cos(pose[:, 2]) * to[:, 1] - np.sin(pose[:, 2]) * to[:, 0])
         same = (seen > wall.observations) & (turn <= SAME_TURN) & (offset <= SAME)
         beside = np.flatnonzero(same | ((seen > 2 * wall.observations) & (turn <= 0.15) & (offset <= SHADOW)))
-        if not any(_covers(walls[k], wall) for k in beside):
-            kept.append(wall)
-    return tuple(kept)
+        out[number] = any(_covers(walls[k], wall) for k in beside)
+    return out
 
 
 def _covers(other: WallLine, wall: WallLine) -> bool:

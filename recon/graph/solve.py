@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from recon.config import GraphConfig
 from recon.geometry import Array
 from recon.graph.association import Drift, assign, track
-from recon.graph.closures import Closures
 from recon.graph.control import Control, agreeing, places_covariance, survey_of
+from recon.graph.edges import Edges
 from recon.graph.estimate import MapEstimate, Survey
 from recon.graph.line import Lines
 from recon.graph.merge import join, merge_labels
@@ -58,7 +58,7 @@ class _Given:
 
     motion: Motion
     observations: WallObservations
-    closures: Closures
+    closures: Edges
 
 
 def solve_graph(
@@ -67,7 +67,7 @@ def solve_graph(
     observations: WallObservations,
     odometry: Trajectory | None = None,
     config: GraphConfig | None = None,
-    closures: Closures | None = None,
+    closures: Edges | None = None,
     tape: Tape | None = None,
     control: Control | None = None,
 ) -> MapEstimate:
@@ -83,7 +83,7 @@ def solve_graph(
     does not know their walls.
     """
     config = config or GraphConfig()
-    closures = closures or Closures.none()
+    closures = closures or Edges.none()
     held = motion.held(trajectory.timestamps)
     drift = Drift.solved(len(trajectory)) if len(closures) else Drift.of_motion(held, trajectory.poses)
     given = _Given(held, observations, closures)

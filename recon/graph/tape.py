@@ -40,8 +40,7 @@ class Tape:
 
     def landmarks(self, walls: Lines) -> Ints:
         """(T, 2) rows of `walls` that the distances lie between; InputError where no landmark is there any more."""
-        found = np.stack([nearest_walls(self.first, walls), nearest_walls(self.second, walls)], axis=1)
-        missing = np.flatnonzero((found < 0).any(axis=1) | (found[:, 0] == found[:, 1]))
+        found, missing = landmark_pairs(self.first, self.second, walls)
         if len(missing):
             raise InputError(
                 f"{self.names[missing[0]]}: one of the walls is not measured by the scans, or both are one"
@@ -62,7 +61,13 @@ def carried(lines: Lines, walls: Lines, poses: Array, rows: Ints) -> Lines:
     return replace(lines, middle=placed[:, :2], angle=placed[:, 2])
 
 
-def nearest_walls(lines: Lines, walls: Lines) -> Ints:
+def landmark_pairs(first: Lines, second: Lines, walls: Lines) -> tuple[Ints, Ints]:
+    """Rows (T, 2) of `walls` that pairs of lines lie along, and the numbers of the pairs without two of them."""
+    found = np.stack([walls_along(first, walls), walls_along(second, walls)], axis=1)
+    return found, np.flatnonzero((found < 0).any(axis=1) | (found[:, 0] == found[:, 1]))
+
+
+def walls_along(lines: Lines, walls: Lines) -> Ints:
     """(T,) the wall along each line that shares the longest stretch with it, -1 where there is none."""
     apart = Difference.between(lines, walls)
     shared = np.where((np.abs(apart.offset) < NEAR) & (np.abs(apart.angle) < SAME_WAY), -apart.gap, -np.inf)

@@ -13,12 +13,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from recon.geometry import Array
-from recon.graph.nearest import NONE
+from recon.graph.nearest import CELL, NONE, is_apart, seen_from, squared_distance_of
 
 Ints = NDArray[np.int64]
-
-CELL = 2.0
-"""m, side of a cell; segments are compared with walls that pass less than this from them."""
 
 
 @njit(cache=True)
@@ -125,22 +122,18 @@ def _moved(yaw: float, lever: float, position: Array, heading: float, most: tupl
 @njit(cache=True)
 def _distance(line: Array, noise: Array, wall: Array, spread: Array, limits: tuple[float, float, float]) -> float:
     """Squared Mahalanobis distance of a line from a wall, infinite where they do not touch or are turned."""
-    angle = (line[2] - wall[2] + math.pi) % (2 * math.pi) - math.pi
-    dx, dy, c, s = line[0] - wall[0], line[1] - wall[1], math.cos(wall[2]), math.sin(wall[2])
-    along, offset = c * dx + s * dy, c * dy - s * dx
-    if abs(angle) > limits[2] or abs(along) - wall[3] - line[3] * abs(math.cos(angle)) > limits[1]:
+    along, offset, angle = seen_from(wall, line)
+    if is_apart(along, angle, line[3], wall[3], limits[1], limits[2]):
         return math.inf
     a, b, d = _carry(spread[0], spread[1], spread[2], along)
-    a, b, d = a + noise[0], b + noise[1], d + noise[2]
-    return (d * offset * offset - 2 * b * offset * angle + a * angle * angle) / (a * d - b * b)
+    return squared_distance_of(offset, angle, a + noise[0], b + noise[1], d + noise[2])
 
 
 @njit(cache=True)
 def _update(wall: Array, spread: Array, line: Array, noise: Array, drift: Array) -> None:
     """Fuse one segment. drift: covariance of the wall's drift since it was seen, at the segment's middle."""
-    dx, dy, c, s = line[0] - wall[0], line[1] - wall[1], math.cos(wall[2]), math.sin(wall[2])
-    along, offset = c * dx + s * dy, c * dy - s * dx
-    angle = (line[2] - wall[2] + math.pi) % (2 * math.pi) - math.pi
+    along, offset, angle = seen_from(wall, line)
+    c, s = math.cos(wall[2]), math.sin(wall[2])
     low, high = min(-wall[3], along - line[3]), max(wall[3], along + line[3])
     shift = (low + high) / 2  # the wall's origin moves to the middle of its stretch
     back = shift - along

@@ -10,9 +10,9 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from recon.geometry import Array
+from recon.geometry import Array, cross2
 from recon.layout.evidence import FreeSpace
-from recon.layout.line import PlanLine, cross2, subtract, union
+from recon.layout.line import PlanLine, subtract, union
 
 DEPTH = 1.0
 """m, the shorter side of wardrobes, sofas and desks, with the slit behind them ..."""

@@ -9,9 +9,10 @@ from itertools import combinations
 import numpy as np
 import shapely
 
-from recon.geometry import Array
+from recon.geometry import Array, cross2
 from recon.graph.estimate import MapEstimate
-from recon.layout.line import PlanLine, cross2
+from recon.layout.facing import facing_rooms
+from recon.layout.line import PlanLine
 from recon.layout.uncertainty import line_covariances
 from recon.model import Dimension, Layout, Room, Wall
 
@@ -43,7 +44,9 @@ def with_dimensions(layout: Layout, owner: Sequence[int], lines: Sequence[PlanLi
     """
     line_of = {wall.id: lines[k] for wall, k in zip(layout.walls, owner, strict=True) if k >= 0}
     known = [wall for wall in layout.walls if wall.source != "inferred" and wall.id in line_of]
-    pairs = [pair for room in layout.rooms for pair in _facing(room, _of_room(room, known), line_of)]
+    faced = dict(zip((wall.id for wall in layout.walls), facing_rooms(layout, INSIDE).tolist(), strict=True))
+    before = [[wall for wall in known if faced[wall.id] == k] for k in range(len(layout.rooms))]
+    pairs = [pair for room, walls in zip(layout.rooms, before, strict=True) for pair in _facing(room, walls, line_of)]
     first, second = ([line_of[pair.walls[k].id] for pair in pairs] for k in range(2))
     blocks = _joint(first, second, estimate)
     dimensions = tuple(
@@ -58,15 +61,6 @@ def _joint(first: list[PlanLine], second: list[PlanLine], estimate: MapEstimate)
     own, other = (line_covariances(lines, lines, estimate) for lines in (first, second))
     cross = line_covariances(first, second, estimate)
     return np.block([[own, cross], [cross.transpose(0, 2, 1), other]])
-
-
-def _of_room(room: Room, walls: list[Wall]) -> list[Wall]:
-    """The walls that a room lies before."""
-    if not walls:
-        return []
-    before = np.array([(wall.start + wall.end) / 2 + INSIDE * wall.normal for wall in walls])
-    inside = shapely.contains_xy(shapely.Polygon(room.polygon), before[:, 0], before[:, 1])
-    return [wall for wall, here in zip(walls, inside, strict=True) if here]
 
 
 def _facing(room: Room, walls: list[Wall], line_of: dict[int, PlanLine]) -> list[_Pair]:

@@ -24,6 +24,10 @@ PIXELS = 1.0
 """Standard deviation of a line's place, pixels ..."""
 TILT = 0.002
 """... and of one image's tilt, rad."""
+SYSTEMATIC = 0.004
+"""rad, what all images share: the error of the camera's tilt."""
+MAX_SIGMA = 0.06
+"""m, edges known worse than this do not vote."""
 BEYOND = 0.2
 """m that a line may reach past the end of its wall."""
 SAMPLE = 0.1
@@ -52,6 +56,17 @@ class Edges:
     def where(self, mask: NDArray[np.bool_]) -> Edges:
         """Only those with `mask` (N,) set."""
         return Edges(*(getattr(self, name)[mask] for name in ("height", "sigma", "range", "frame", "wall", "span")))
+
+    def sure(self, low: float, high: float) -> Edges:
+        """Those at heights from `low` to `high` m that are known well enough to vote."""
+        return self.where((self.height >= low) & (self.height <= high) & (self.sigma <= MAX_SIGMA))
+
+    def deviation(self, height: float, weight: Array) -> tuple[float, float]:
+        """m, standard deviations of a height that the edges with weights (N,) have in the mean: of chance, a frame
+        counting once, and of what all images share."""
+        spread = float(np.sqrt(np.average((self.height - height) ** 2, weights=weight)))
+        shared = SYSTEMATIC * float(np.average(self.range, weights=weight))
+        return max(spread, 0.005) / np.sqrt(len(np.unique(self.frame))), shared
 
     def covered(self) -> float:
         """m of wall, summed over frames, that the lines cover (no stretch twice in one frame)."""

@@ -12,11 +12,11 @@ BEFORE = 0.05
 """m before the middle of a wall, where its room is looked for."""
 
 
-def facing_rooms(layout: Layout) -> NDArray[np.int64]:
-    """(W,) index of the room in front of the middle of each wall, -1 where there is none."""
+def facing_rooms(layout: Layout, before: float = BEFORE) -> NDArray[np.int64]:
+    """(W,) index of the room `before` m in front of the middle of each wall, -1 where there is none."""
     out = np.full(len(layout.walls), -1, np.int64)
     if layout.walls and layout.rooms:
-        points = np.array([(wall.start + wall.end) / 2 + BEFORE * wall.normal for wall in layout.walls])
+        points = np.array([(wall.start + wall.end) / 2 + before * wall.normal for wall in layout.walls])
         rooms = shapely.STRtree([shapely.Polygon(room.polygon) for room in layout.rooms])
         wall, room = rooms.query(shapely.points(points), predicate="within")
         out[wall] = room

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
+from recon.geometry import Array, cross2
 from recon.layout.evidence import FreeSpace
-from recon.layout.line import NONE, PlanLine, cross2, total, union
+from recon.layout.line import NONE, PlanLine, total, union
 from recon.layout.stretches import Stretches
 
 EXPLAINED = 0.15

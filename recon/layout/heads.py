@@ -10,11 +10,10 @@ import numpy as np
 from recon.layout.edges import Edges
 from recon.layout.line import total, union
 from recon.model import Opening, Wall
+from recon.plan import opening_span
 
 LOWEST, HIGHEST = 1.7, 3.0
 """m, of heads."""
-MAX_SIGMA = 0.06
-"""m, edges known worse than this do not vote."""
 BESIDE = 0.2
 """m that a head's line may go on past the jambs: casings."""
 COVERED = 0.5
@@ -26,8 +25,6 @@ WIDTH = 0.008
 RIVAL = 0.6
 """Heights with this share of the most votes may be the head."""
 MIN_FRAMES = 3
-SYSTEMATIC = 0.004
-"""rad, what all images share: the error of the camera's tilt."""
 
 
 def measured_heads(openings: Sequence[Opening], walls: Sequence[Wall], edges: Edges) -> tuple[Opening, ...]:
@@ -36,7 +33,7 @@ def measured_heads(openings: Sequence[Opening], walls: Sequence[Wall], edges: Ed
     Where none does, `top` is the median of the heads found on openings of the same type, if there are any.
     """
     index = {wall.id: k for k, wall in enumerate(walls)}
-    edges = edges.where((edges.height >= LOWEST) & (edges.height <= HIGHEST) & (edges.sigma <= MAX_SIGMA))
+    edges = edges.sure(LOWEST, HIGHEST)
     found: list[tuple[float, float] | None] = []
     for opening in openings:
         k = index[opening.wall]
@@ -61,7 +58,7 @@ def _head(opening: Opening, wall: Wall, edges: Edges) -> tuple[float, float] | N
     Edges on the wall itself keep their height from wherever they are seen; those of casings, leaves and lintels, which
     lie before or behind it, seem to wander. Of the heights that keep, the lowest is the head.
     """
-    low, high = sorted(float((end - wall.start) @ wall.direction) for end in (opening.start, opening.end))
+    low, high = opening_span(opening, wall)
     edges = edges.where((edges.span[:, 0] > low - BESIDE) & (edges.span[:, 1] < high + BESIDE))
     votes = np.array([_votes(edges, height, low, high) for height in edges.height])
     if not len(votes) or votes.max() == 0:
@@ -71,10 +68,8 @@ def _head(opening: Opening, wall: Wall, edges: Edges) -> tuple[float, float] | N
     near = edges.where(np.abs(edges.height - height) <= NEAR)
     weight = near.length / np.maximum(near.sigma, WIDTH) ** 2
     mean = float(np.average(near.height, weights=weight))
-    spread = float(np.sqrt(np.average((near.height - mean) ** 2, weights=weight)))
-    shared = SYSTEMATIC * float(np.average(near.range, weights=weight))
-    own = max(spread, 0.005) / np.sqrt(len(np.unique(near.frame)))
-    return mean, float(np.linalg.norm([own, shared, np.ptp(rivals) / np.sqrt(12)]))  # a uniform choice among rivals
+    choice = np.ptp(rivals) / np.sqrt(12)  # uniform among the rivals
+    return mean, float(np.linalg.norm([*near.deviation(mean, weight), choice]))
 
 
 def _votes(edges: Edges, height: float, low: float, high: float) -> float:

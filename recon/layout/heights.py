@@ -23,8 +23,6 @@ WIDTH = 0.02
 """m, least standard deviation of an edge's height in the vote."""
 NEAR = 0.06
 """m, edges this close to a height are that height's."""
-MAX_SIGMA = 0.06
-"""m, edges known worse than this do not vote."""
 MIN_FRAMES = 3
 MIN_WALLS = 2
 MIN_LENGTH = 4.0
@@ -38,8 +36,6 @@ RIVAL = 0.7
 MAX_FRAMES = 400
 GRID = 0.02
 """m; wall tops in view are counted for heights this far apart."""
-SYSTEMATIC = 0.004
-"""rad, what all images share: the error of the camera's tilt."""
 
 
 def measure_heights(
@@ -83,8 +79,7 @@ class _Evidence:
     def __init__(self, walls: Sequence[Wall], views: Sequence[View], camera: Camera) -> None:
         self._walls, self._views, self._camera = walls, views, camera
         self.level = find_edges(walls, views, camera)
-        sure = (self.level.height >= LOWEST) & (self.level.height <= HIGHEST) & (self.level.sigma <= MAX_SIGMA)
-        self._edges = self.level.where(sure)
+        self._edges = self.level.sure(LOWEST, HIGHEST)
         self._uprights, self._upright_wall = uprights(walls, views, camera)
         self._shown: dict[float, Array] = {}
 
@@ -154,6 +149,4 @@ def _estimate(edges: Edges, height: float) -> tuple[float, float]:
         weight = weight * np.clip(1 - (deviation / 4.685) ** 2, 0.0, None) ** 2  # Tukey's biweight
         height = float(np.average(edges.height, weights=weight))
     edges, weight = edges.where(weight > 0), weight[weight > 0]
-    spread = float(np.sqrt(np.average((edges.height - height) ** 2, weights=weight)))
-    shared = SYSTEMATIC * float(np.average(edges.range, weights=weight))
-    return height, float(np.hypot(max(spread, 0.005) / np.sqrt(len(np.unique(edges.frame))), shared))
+    return height, float(np.hypot(*edges.deviation(height, weight)))

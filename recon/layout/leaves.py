@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
+from recon.geometry import Array, cross2
 from recon.layout.evidence import FreeSpace
-from recon.layout.line import PlanLine, cross2, subtract, union
+from recon.layout.line import PlanLine, subtract, union
 
 WIDTH = (0.55, 1.4)
 """m, of one leaf."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from recon.geometry import Array
+from recon.geometry import Array, cross2
 from recon.graph.estimate import WallLine
 from recon.model import Source
 
@@ -86,11 +86,6 @@ class PlanLine:
         """Standard deviation of the offset at a position along the line, m."""
         variance = self.sigma_offset**2 + 2 * position * self.mixed + (position * self.sigma_angle) ** 2
         return float(np.sqrt(max(variance, 0.0)))
-
-
-def cross2(a: Array, b: Array) -> Array:
-    """Third component of the cross product of plane vectors (..., 2)."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def union(intervals: Array, gap: float = 0.0) -> Array:

@@ -73,7 +73,7 @@ def _crossings(wall: Wall, path: Array) -> Array:
 
 def _leaves(wall: Wall, returns: Returns) -> list[Stretch]:
     """Stretches along the wall where rays from before it end behind it at a leaf's depth."""
-    along, across, starts = returns.beside(wall, DEPTH[1])
+    along, across, starts = returns.beside(wall.start, wall.end, DEPTH[1])
     before = (starts - wall.start) @ wall.normal > 0
     along, across = along[before], across[before]
     count = max(1, int(np.ceil(wall.length / BIN)))
@@ -98,7 +98,7 @@ def _gaps(wall: Wall, returns: Returns, space: FreeSpace, swings: Swings) -> lis
     foot = wall.start + middle[:, None] * wall.direction
     across_wall = np.arange(BESIDE, -1.6 * BESIDE, -BIN)
     through = np.all([space.is_free(foot + y * wall.normal) for y in across_wall], axis=0)
-    along, across, _ = returns.beside(wall, BESIDE)
+    along, across, _ = returns.beside(wall.start, wall.end, BESIDE)
     bins = np.minimum((along[np.abs(across) < DEPTH[0]] / BIN).astype(np.int64), count - 1)
     solid = np.bincount(bins, minlength=count) >= MIN_RETURNS
     open_ = through & ~solid

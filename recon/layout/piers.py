@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from recon.geometry import Array
+from recon.geometry import Array, cross2
 from recon.layout.evidence import FreeSpace
-from recon.layout.line import PlanLine, clip, cross2, subtract, total, union
+from recon.layout.line import PlanLine, clip, subtract, total, union
 from recon.layout.returns import Returns
 from recon.layout.stretches import Stretches
-from recon.model import Wall
 
 GAP = 2.2
 """m of a door or passage between two pieces of wall."""
@@ -81,8 +80,7 @@ def _bridged(line: PlanLine, low: float, high: float, returns: Returns, space: F
     """The line with the piers between two positions, if they lead from one to the other."""
     if high - low < WIDTH[0]:
         return line
-    face = Wall(0, line.point(low), line.point(high), 0.0, 0.0, line.source, 0)
-    along, _, starts = returns.beside(face, DEPTH)
+    along, _, starts = returns.beside(line.point(low), line.point(high), DEPTH)
     count = np.bincount((along / BIN).astype(np.int64))
     filled = np.flatnonzero(count >= MIN_RETURNS)
     piers = union(low + BIN * np.stack([filled, filled + 1], axis=1).astype(np.float64), 1.5 * BIN)

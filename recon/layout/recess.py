@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from recon.geometry import Array
-from recon.layout.line import PlanLine, carried, clip, coverage, cross2, subtract, total, union
+from recon.geometry import Array, cross2
+from recon.layout.line import PlanLine, carried, clip, coverage, subtract, total, union
 from recon.layout.stretches import Stretches
 
 DEPTH = (0.03, 0.30)

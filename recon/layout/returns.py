@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array
-from recon.model import Wall
 
 TILE = 1.0
 """m, side of the squares that returns are kept in."""
@@ -23,22 +22,17 @@ class Returns:
         order = np.argsort(key, kind="stable")
         self._key, self._starts, self._ends = key[order], starts[order], ends[order]
 
-    def beside(self, wall: Wall, depth: float) -> tuple[Array, Array, Array]:
-        """Positions along a wall and across (to its left), and starts, of returns within `depth` < `TILE` m of it."""
-        steps = np.linspace(0.0, wall.length, int(wall.length / TILE * 2) + 2)
-        foot = wall.start + steps[:, None] * wall.direction
-        index = self._near(foot)
-        offset = self._ends[index] - wall.start
-        along, across = offset @ wall.direction, offset @ wall.normal
-        near = (along >= 0) & (along < wall.length) & (np.abs(across) <= depth)
+    def beside(self, start: Array, end: Array, depth: float) -> tuple[Array, Array, Array]:
+        """Positions along a stretch from `start` to `end` (2,) m and across (to its left), and starts, of the returns
+        within `depth` < `TILE` m of it."""
+        length = float(np.linalg.norm(end - start))
+        direction = (end - start) / max(length, 1e-12)
+        steps = np.linspace(0.0, length, int(length / TILE * 2) + 2)
+        index = self._near(start + steps[:, None] * direction)
+        offset = self._ends[index] - start
+        along, across = offset @ direction, offset @ np.array([-direction[1], direction[0]])
+        near = (along >= 0) & (along < length) & (np.abs(across) <= depth)
         return along[near], across[near], self._starts[index[near]]
-
-    def around(self, point: Array, radius: float) -> Array:
-        """Returns (N, 2) within `radius` of a point (2,), m."""
-        steps = np.arange(-radius, radius + TILE, TILE)
-        grid = point + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        ends = self._ends[self._near(grid)]
-        return np.asarray(ends[np.linalg.norm(ends - point, axis=1) <= radius])
 
     def _near(self, points: Array) -> NDArray[np.int64]:
         """Indices of the returns in the tiles of points (P, 2) and the tiles around these."""

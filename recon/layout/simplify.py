@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from recon.geometry import Array
+from recon.geometry import Array, cross2
 from recon.layout.evidence import FreeSpace
-from recon.layout.line import cross2
 from recon.layout.outline import Side
 
 CUT = 0.03

@@ -11,7 +11,6 @@ from scipy.special import gammaincinv  # scipy.stats takes a second to import
 from recon.geometry import Array
 from recon.layout.line import PlanLine
 from recon.layout.returns import Returns
-from recon.model import Wall
 
 PATCH = 0.5
 """m along a wall that stand out together: boards, frames, radiators."""
@@ -62,8 +61,7 @@ def _patches(line: PlanLine, returns: Returns) -> tuple[Array, Array, Array, Arr
     parts: list[tuple[Array, Array, Array, Array]] = []
     for stretches, side in ((line.front, 1.0), (line.back, -1.0)):
         for low, high in stretches[stretches[:, 1] - stretches[:, 0] > PATCH + 2 * END] + np.array([END, -END]):
-            face = Wall(0, line.point(low), line.point(high), 0.0, 0.0, line.source, 0)
-            along, across, starts = returns.beside(face, DEPTH)
+            along, across, starts = returns.beside(line.point(low), line.point(high), DEPTH)
             seen = side * ((starts - line.origin) @ line.normal) > 0
             patch = np.floor(along[seen] / PATCH).astype(np.int64)
             count = np.bincount(patch).astype(np.float64)

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from recon.layout.line import clip, subtract, total
+from recon.layout.line import clip, subtract
+from recon.layout.outline import SHORTEST_UNSEEN
 from recon.model import Opening, Wall
+from recon.plan import opening_span
 
 THICKEST = 0.6
 """m between the two faces of one wall, at most ..."""
@@ -18,8 +20,6 @@ THINNEST = 0.03
 PARALLEL = np.cos(np.radians(5.0))
 SHARED = 0.3
 """Share of the shorter face that is behind the other, at least."""
-SHORTEST = 0.3
-"""m of wall that nobody saw, worth telling."""
 
 
 def with_thickness(walls: Sequence[Wall]) -> list[Wall]:
@@ -53,14 +53,9 @@ def without_openings(walls: Sequence[Wall], openings: Sequence[Opening]) -> list
     """Walls whose `unseen` stretches leave out their openings: there nothing is hidden."""
     out = []
     for wall in walls:
-        spans = [
-            sorted(float((end - wall.start) @ wall.direction) for end in (opening.start, opening.end))
-            for opening in openings
-            if opening.wall == wall.id
-        ]
+        spans = [opening_span(opening, wall) for opening in openings if opening.wall == wall.id]
         if len(wall.unseen) and spans:
             rest = clip(subtract(wall.unseen, np.array(spans)), 0.0, wall.length)
-            long = [part for part in rest if total(part[None]) > SHORTEST]
-            wall = replace(wall, unseen=np.array(long).reshape(-1, 2))
+            wall = replace(wall, unseen=rest[np.ptp(rest, axis=1) > SHORTEST_UNSEEN])
         out.append(wall)
     return out

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from recon.layout.openings import TOP
 from recon.model import Opening, Room, Wall
 from recon.sequence.sequence import Scans
 from recon.sequence.trajectory import Trajectory
@@ -33,8 +34,6 @@ LOST = 0.7
 LOST_OF_ALL = 0.2
 """... and of those from anywhere: single rays get lost everywhere."""
 MAX_SCANS = 500
-TOP = 2.0
-"""m, of windows whose head nothing has measured."""
 
 
 def find_windows(

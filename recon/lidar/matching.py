@@ -187,7 +187,7 @@ class _Matcher:
         doubt: (3, 3) covariance, map frame, of not knowing whether the match is right.
         """
         turn = _turn(self._poses[k - 1, 2])
-        covariance = np.linalg.inv(information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
+        covariance = _spread(information)
         covariance += turn @ np.diag(self._distortion[k] ** 2) @ turn.T
         relative = between2(self._poses[k - 1], self._poses[k])
         # the later pose seen from the earlier one moves against the earlier one, and about it as it turns
@@ -240,12 +240,17 @@ def _aligned(
     return found
 
 
+def _spread(information: Array) -> Array:
+    """(3, 3) covariance of a match with `information` (3, 3), as wide as UNKNOWN where it tells nothing."""
+    return np.asarray(np.linalg.inv(information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0)))
+
+
 def _slides(found: Alignment) -> bool:
     """Whether the scan hardly says where it is along some direction.
 
     Walls that are not quite straight then push it far along a corridor, step by step, to a worse place.
     """
-    spread = np.linalg.inv(found.information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
+    spread = _spread(found.information)
     return bool(np.linalg.eigvalsh(spread[:2, :2])[-1] > SLIDING**2)
 
 
@@ -254,7 +259,7 @@ def _doubt(found: Alignment, prior: Array, information: Array, sigma: Array) -> 
     doubt = np.zeros((3, 3))
     if found.overlap >= GOOD_OVERLAP:
         return doubt
-    spread = np.linalg.inv(found.information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0))
+    spread = _spread(found.information)
     along = np.linalg.eigh(spread[:2, :2])[1][:, -1]
     doubt[:2, :2] = (DOUBT * sigma[0]) ** 2 * np.outer(along, along)
     if _surprise(found.pose, prior, information) > CONTRADICTION:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array, between2, compose2, wrap_angle
-from recon.loops.pose_graph import BARC, Edges
+from recon.graph.edges import Edges
+from recon.loops.pose_graph import BARC
 
 NEIGHBOURS = 6
 """Submaps on either side within which closures are compared."""

@@ -8,16 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.config import LidarConfig
-from recon.geometry import Array, between2, compose2, wrap_angle
+from recon.geometry import Array, between2, compose2, driven2, wrap_angle
+from recon.graph.edges import Edges
 from recon.lidar.cloud import make_cloud
 from recon.lidar.clouds import Clouds
 from recon.lidar.matching import ScanMatching
 from recon.lidar.noise import with_noise
 from recon.lidar.points import scan_points
 from recon.loops.drift import chain_between
-from recon.loops.pose_graph import Edges, solve
+from recon.loops.pose_graph import solve
 from recon.loops.search import LoopSearch
-from recon.loops.submap import TURN_EFFORT, Submaps, choose_keyframes, make_submaps
+from recon.loops.submap import Submaps, choose_keyframes, make_submaps
 from recon.loops.ties import tie
 from recon.memory import give_back
 from recon.sequence.sequence import Scans
@@ -52,6 +53,11 @@ class ClosedLoops:
         """A drive on which no place is visited again."""
         return ClosedLoops(trajectory, Edges.none(), Edges.none(), rejected)
 
+    @property
+    def seen_again(self) -> Edges:
+        """Scans tied to the map of other visits; where none could be, the closures between submaps."""
+        return self.ties if len(self.ties) else self.closures
+
 
 def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig, workers: int = 1) -> ClosedLoops:
     """Finds where the drive visits places again, and the poses that agree with that.
@@ -77,11 +83,10 @@ def close_loops(scans: Scans, matching: ScanMatching, config: LidarConfig, worke
     closures = Edges(anchors[found.first], anchors[found.second], found.relative, found.covariance)
     numbers = np.arange(len(poses))
     chain = Edges(numbers[:-1], numbers[1:], steps, matching.covariances)
-    driven = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + TURN_EFFORT * np.abs(steps[:, 2]))])
     poses = solve(_moved_along(poses, anchors, search.nodes), chain, closures, KERNEL, CHAIN_KERNEL)
     ties = Edges.none()
     for _ in range(PASSES):
-        ties = tie(submaps, poses, driven, config, workers)
+        ties = tie(submaps, poses, driven2(steps), config, workers)
         poses = solve(poses, chain, Edges.concatenate([closures, ties]), KERNEL, CHAIN_KERNEL)
     return ClosedLoops(Trajectory(trajectory.timestamps, poses), closures, ties, search.rejected)
 

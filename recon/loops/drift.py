@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from recon.geometry import Array
-from recon.loops.pose_graph import Edges
+from recon.graph.edges import Edges
 
 Ints = NDArray[np.int64]
 

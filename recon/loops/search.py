@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from recon.config import LidarConfig
 from recon.geometry import Array, between2
+from recon.graph.edges import Edges
 from recon.loops.agreement import agreeing
 from recon.loops.closure import Closer, Closure
 from recon.loops.drift import Drift
-from recon.loops.pose_graph import Edges, solve_consistent
+from recon.loops.pose_graph import solve_consistent
 from recon.loops.submap import Submaps
 from recon.loops.workers import threaded
 

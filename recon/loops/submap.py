@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.config import LidarConfig
-from recon.geometry import Array, between2
+from recon.geometry import Array, between2, driven2
 from recon.lidar.cloud import Cloud
 from recon.lidar.clouds import Clouds
 from recon.lidar.localmap import LocalMap, build_map
@@ -20,8 +20,6 @@ KEYFRAME_DISTANCE, KEYFRAME_TURN = 0.2, np.radians(6.0)
 """m or rad moved from one keyframe to the next."""
 LENGTH = 4.0
 """m driven within one submap."""
-TURN_EFFORT = 0.5
-"""m/rad: a turn on the spot counts as this way."""
 VIEW = 15.0
 """m from its middle that the cloud of a submap reaches when it is searched for in others."""
 POINTS = 200
@@ -72,9 +70,7 @@ def choose_keyframes(poses: Array, usable: NDArray[np.bool_]) -> Ints:
 
 def make_submaps(scans: Ints, clouds: Clouds, poses: Array) -> Submaps:
     """Of keyframes at `scans` (K,); poses: (N, 3) of all scans."""
-    step = between2(poses[scans[:-1]], poses[scans[1:]])
-    effort = np.hypot(step[:, 0], step[:, 1]) + TURN_EFFORT * np.abs(step[:, 2])
-    driven = np.concatenate([[0.0], np.cumsum(effort)])
+    driven = driven2(between2(poses[scans[:-1]], poses[scans[1:]]))
     count = max(1, round(driven[-1] / LENGTH))
     number = np.minimum((driven / max(driven[-1], 1e-9) * count).astype(np.int64), count - 1)
     first = np.concatenate([np.unique(number, return_index=True)[1], [len(scans)]]).astype(np.int64)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from recon.config import LidarConfig
 from recon.geometry import Array, between2
+from recon.graph.edges import Edges
 from recon.lidar.icp import align_many
 from recon.lidar.localmap import build_map
-from recon.loops.pose_graph import Edges
 from recon.loops.submap import Submaps
 from recon.loops.workers import threaded
 

@@ -18,6 +18,8 @@ from recon.sequence.table import check_increasing
 REQUIRED = ("timestamps", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
 MAX_INTERVAL = 600.0
 OPTIONAL = ("time_increment", "intensities")
+DAMAGED = (ValueError, EOFError, OSError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError)
+"""What numpy and zipfile raise for archives that are cut off, overwritten or something else."""
 
 
 def read_scans_npz(path: Path) -> Scans:
@@ -137,7 +139,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except MemoryError:
         raise InputError(f"{path}: claims arrays larger than this machine's memory") from None
-    except (ValueError, EOFError, OSError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+    except DAMAGED as error:
         if "allow_pickle" in str(error) or "pickle" in str(error):
             reason = "is no npz archive, or holds pickled objects, which are not read"
         else:

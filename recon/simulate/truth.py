@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recon.geometry import Array, Pose3, apply2
+from recon.geometry import Array, Pose3, apply2, mounted_camera
 from recon.model import FloorObject, Layout, Opening, Room, Wall
 from recon.sequence.camera import Camera
 from recon.simulate.building import Building
@@ -49,9 +49,4 @@ def true_extrinsics(plan: Plan) -> Pose3:
     """platform_from_camera: yaw to the left, then tilt downwards, then roll, of a camera that looks ahead."""
     camera = plan.camera
     yaw, tilt, roll = np.radians([camera.yaw_deg, camera.tilt_deg, camera.roll_deg])
-    optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    c, s = np.cos, np.sin
-    about_z = np.array([[c(yaw), -s(yaw), 0.0], [s(yaw), c(yaw), 0.0], [0.0, 0.0, 1.0]])
-    about_y = np.array([[c(tilt), 0.0, s(tilt)], [0.0, 1.0, 0.0], [-s(tilt), 0.0, c(tilt)]])
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, c(roll), -s(roll)], [0.0, s(roll), c(roll)]])
-    return Pose3(about_z @ about_y @ about_x @ optical, np.array([camera.x, camera.y, camera.height]))
+    return mounted_camera([camera.x, camera.y, camera.height], yaw, tilt, roll)

@@ -1,7 +1,8 @@
 """Writers of a finished `Model`, chosen by the suffix of the output file.
 
 Every writer is a pure function `write(model, stem) -> Output`: it computes bytes and touches no file. The same model
-gives the same bytes. `export` puts them on disk, all or nothing.
+gives the same bytes. `export` puts them on disk, all or nothing. Writers in `WITH_OPTIONS` take `ExportOptions` as a
+third argument. Those in `BUILDING_WRITERS` are `write(building, stem, options) -> Output`, for several storeys at once.
 
 Lengths are metres in every format and frames are right-handed with the floor at height 0. `.glb` and `.obj` have Y up
 (glTF's rule and OBJ's habit): x, z, -y of the map frame. All others have Z up and are in map coordinates.
@@ -17,13 +18,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from recon.errors import OutputError
+from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
 from recon.files import atomic_path
 
 if TYPE_CHECKING:
     from recon.model import Model
+    from recon.storeys import Building
 
-Writer = Callable[["Model", str], Output]
+Writer = Callable[..., Output]
 
 # "module:function", imported when used: the command line asks for SUFFIXES long before it needs a writer.
 WRITERS: dict[str, str] = {
@@ -41,6 +44,12 @@ WRITERS: dict[str, str] = {
 }
 """Suffix (lower case) to writer. To add a format: one module with one `write` function, one line here."""
 
+WITH_OPTIONS: frozenset[str] = frozenset()
+"""Suffixes whose writers take `ExportOptions` as a third argument."""
+
+BUILDING_WRITERS: dict[str, str] = {}
+"""Suffixes of formats that hold several storeys, to their writers of a `Building`."""
+
 SUFFIXES: tuple[str, ...] = tuple(WRITERS)
 """Known suffixes of output files, lower case, with the dot."""
 
@@ -48,25 +57,56 @@ TEXTURES_BESIDE: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".obj"})
 """Suffixes whose textures lie beside the file, in the folder `<stem>.textures`."""
 
 
+def suffix_of(path: Path) -> str:
+    """The suffix that chooses the format, lower case: of those known the longest (`.rooms.json` before `.json`)."""
+    known = [suffix for suffix in WRITERS if path.name.lower().endswith(suffix) and len(path.name) > len(suffix)]
+    return max(known, key=len, default=path.suffix.lower())
+
+
 def writer_for(path: Path) -> Writer:
     """The writer for the suffix of `path`; OutputError, listing the known suffixes, when there is none."""
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path)
     if suffix not in WRITERS:
         found = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
         raise OutputError(f"{path}: unknown output format ({found}), expected one of {' '.join(SUFFIXES)}")
-    module, function = WRITERS[suffix].split(":")
+    return _load(WRITERS[suffix])
+
+
+def building_writer_for(path: Path) -> Writer:
+    """The writer of several storeys for the suffix of `path`; OutputError when its format holds one only."""
+    suffix = suffix_of(path)
+    if suffix not in BUILDING_WRITERS:
+        writer_for(path)
+        known = " ".join(BUILDING_WRITERS)
+        raise OutputError(f"{path}: {suffix} holds one storey only, expected one of {known} for several results")
+    return _load(BUILDING_WRITERS[suffix])
+
+
+def _load(name: str) -> Writer:
+    module, function = name.split(":")
     writer: Writer = getattr(importlib.import_module(f"recon.exporters.{module}"), function)
     return writer
 
 
-def export(model: Model, path: Path) -> None:
+def export(model: Model, path: Path, options: ExportOptions = DEFAULTS) -> None:
     """Write `model` to `path` in the format of its suffix, with the files that belong beside it.
 
     `.usd`, `.usda`, `.usdc` and `.obj` put their textures into the folder `<stem>.textures`, `.obj` its materials into
     `<stem>.mtl`; every other format is one file. All files are written beside their targets first and moved at the
     end, the named file last. Raises OutputError when the suffix is unknown or a file cannot be written.
     """
-    output = writer_for(path)(model, path.stem)
+    suffix, writer = suffix_of(path), writer_for(path)
+    stem = path.name[: -len(suffix)]
+    _put(writer(model, stem, options) if suffix in WITH_OPTIONS else writer(model, stem), path)
+
+
+def export_building(building: Building, path: Path, options: ExportOptions = DEFAULTS) -> None:
+    """Write all storeys of `building` to `path`; as `export`, and OutputError when the format holds one storey only."""
+    _put(building_writer_for(path)(building, path.name[: -len(suffix_of(path))], options), path)
+
+
+def _put(output: Output, path: Path) -> None:
+    """The file and those beside it, all or nothing."""
     try:
         with ExitStack() as stack:  # left in reverse order: `path` itself is moved into place last
             for name, content in [(path.name, output.content), *output.beside.items()]:
@@ -85,7 +125,7 @@ def check_outputs(paths: Sequence[Path]) -> None:
     """
     seen: set[Path] = set()
     for path in paths:
-        if path.suffix.lower() not in WRITERS:
+        if suffix_of(path) not in WRITERS:
             writer_for(path)
         if path.is_dir():
             raise OutputError(f"{path}: is a folder, expected the name of a file to write")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from recon.layout.clutter import is_sure, with_returns, without_clutter
 from recon.layout.dimensions import with_dimensions
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
+from recon.layout.furniture import Furniture, filled, with_furniture, without_furniture
 from recon.layout.labelling import areas, label_cells, supports, trust
 from recon.layout.leaves import without_leaves
 from recon.layout.line import PlanLine, merged_lines
@@ -36,23 +39,26 @@ from recon.model import Layout, Room, Wall
 from recon.sequence.sequence import Scans
 
 
-def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> Layout:
+def build_layout(
+    estimate: MapEstimate, scans: Scans, config: LayoutConfig, furniture: Sequence[Furniture] = ()
+) -> Layout:
     """The plan of what a drive saw, in the map frame, without a ceiling height (`measure_ceiling` finds it).
 
     The plane is cut into cells by the wall lines and by the rim of the space that rays passed; each cell is inside or
     outside by one energy (`label_cells`); the outline of the inside gives rooms and walls. Where no wall was seen the
-    outline is closed all the same, by walls of source "inferred" with wide sigmas.
+    outline is closed all the same, by walls of source "inferred" with wide sigmas. furniture: what is known to be no
+    wall (`furniture.suspects` that images clear).
     """
     path = estimate.trajectory.poses[:, :2]
     starts, ends = scan_rays(estimate.trajectory, scans)
     space = free_space(estimate.trajectory, starts, ends)
     lines = with_sigmas(merged_lines(estimate.walls), estimate)
     lines = within_sight(with_returns(lines, space), path)
-    lines = without_leaves(lines, space)
+    lines = without_leaves(without_furniture(lines, furniture), space)
     lines = without_clutter(absorb_steps(without_blocks(lines, space)), space)
     returns = Returns(starts, ends)
     lines = with_piers(with_surfaces(lines, returns), returns, space)
-    visited = visited_space(space, [line for line in lines if is_sure(line)], path)
+    visited = visited_space(space, [line for line in lines if is_sure(line)], path) | filled(space, furniture)
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
     walls, owner, rooms = _walls_and_rooms(cells, lines, space, visited, path)
@@ -61,6 +67,7 @@ def build_layout(estimate: MapEstimate, scans: Scans, config: LayoutConfig) -> L
     openings += find_windows(walls, rooms, openings, estimate.trajectory, scans)
     walls = without_openings(walls, openings)
     objects = floor_objects(walls, [shapely.Polygon(room.polygon) for room in rooms], space)
+    objects = with_furniture(objects, furniture)
     layout = Layout(
         tuple(walls),
         tuple(rooms),

@@ -13,7 +13,10 @@ from recon.model import Dimension, Face, FloorObject, Layout, Model, Opening, Ro
 
 
 def moved(model: Model, target_from_map: ArrayLike) -> Model:
-    """The model in another frame of the plan: target_from_map (3,) is x, y (m) and yaw (rad). Heights stay."""
+    """The model in another frame of the plan: target_from_map (3,) is x, y (m) and yaw (rad). Heights stay.
+
+    Trajectory and occupancy, which belong to one drive, are left out.
+    """
     pose = np.asarray(target_from_map, dtype=np.float64)
     layout = model.layout
     walls = tuple(replace(w, start=apply2(pose, w.start), end=apply2(pose, w.end)) for w in layout.walls)
@@ -29,7 +32,7 @@ def moved(model: Model, target_from_map: ArrayLike) -> Model:
     )
     faces = tuple(replace(f, vertices=np.column_stack([apply2(pose, f.vertices[:, :2]), f.vertices[:, 2]]))
                   for f in model.faces)  # fmt: skip
-    return replace(model, layout=layout, faces=faces)
+    return Model(model.name, layout, faces, model.notes, model.metadata)
 
 
 def _moved_room(room: Room, pose: Array) -> Room:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array
+
+if TYPE_CHECKING:
+    from recon.occupancy import Occupancy
+    from recon.sequence.trajectory import Trajectory
 
 Source = Literal["lidar", "image", "inferred"]
 OpeningType = Literal["door", "passage", "window"]
@@ -209,10 +213,17 @@ NEUTRAL_COLOURS: dict[FaceKind, tuple[int, int, int]] = {
 
 @dataclass(frozen=True)
 class Model:
-    """What a build gives and every exporter writes. `notes`: what was assumed, one sentence each, for people."""
+    """What a build gives and every exporter writes. `notes`: what was assumed, one sentence each, for people.
+
+    trajectory: of the platform; pose_sigmas: (N, 3) m, m, rad of its poses, or (0, 3); occupancy: where it can drive.
+    Results of older versions hold no occupancy, models made by hand none of the three.
+    """
 
     name: str
     layout: Layout
     faces: tuple[Face, ...]
     notes: tuple[str, ...] = ()
     metadata: dict[str, str] = field(default_factory=dict)
+    trajectory: Trajectory | None = None
+    pose_sigmas: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    occupancy: Occupancy | None = None

@@ -35,6 +35,7 @@ from recon.graph.solve import solve_graph
 from recon.graph.tape import Tape
 from recon.layout.build import build_layout
 from recon.layout.heights import measure_heights
+from recon.layout.occupancy import build_occupancy
 from recon.layout_json import layout_from_json, layout_to_json
 from recon.lidar.matching import ScanMatching
 from recon.lidar.noise import with_noise
@@ -50,6 +51,7 @@ from recon.segmentation.heights import measure_objects
 from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
+from recon.sequence.tum import as_written
 from recon.texture.texture import texture_faces
 from recon.vision.frame import FrameLines
 from recon.vision.frame_lines import detect_lines, relabel
@@ -119,6 +121,10 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measu
             layout = measure_heights(layout, lines, poses, sequence.camera)
         layout = layout_from_json(layout_to_json(layout), "layout.json")  # its decimals: exports made later are equal
     model = _model(sequence, layout, poses, config, run)
+    with run.stage("occupancy"):
+        occupancy = build_occupancy(estimate.trajectory, sequence.scans)
+    drive = as_written(estimate.trajectory)
+    model = replace(model, trajectory=drive, pose_sigmas=estimate.pose_sigmas, occupancy=occupancy)
     warnings = tuple(dict.fromkeys(run.warnings))
     return Build(sequence, config, model, estimate, calibration, poses, run.seconds, run.counts, warnings, measured)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,13 @@ from numpy.typing import NDArray
 
 from recon.errors import InputError
 from recon.files import read_text
+from recon.geometry import Array
 from recon.layout_json import layout_from_json
 from recon.model import Face, Layout, Model
+from recon.occupancy import load_occupancy
+from recon.results.accuracy import read_sigmas
+from recon.sequence.trajectory import Trajectory
+from recon.sequence.tum import read_planar
 
 
 def load_model(folder: Path) -> Model:
@@ -28,9 +34,21 @@ def load_model(folder: Path) -> Model:
     content = _json(path)
     try:
         faces = tuple(_face(folder, item) for item in content["faces"])
-        return Model(str(content["name"]), layout, faces, tuple(str(note) for note in content["notes"]))
+        model = Model(str(content["name"]), layout, faces, tuple(str(note) for note in content["notes"]))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged ({error!r}), expected what recon build wrote") from None
+    trajectory, sigmas = _drive(folder)
+    return replace(model, trajectory=trajectory, pose_sigmas=sigmas, occupancy=load_occupancy(folder))
+
+
+def _drive(folder: Path) -> tuple[Trajectory | None, Array]:
+    """The trajectory of the platform and the standard deviations (N, 3) or (0, 3) of its poses."""
+    path = folder / "trajectory.txt"
+    trajectory = read_planar(path) if path.exists() else None
+    sigmas = read_sigmas(folder)[:, 1:]
+    if trajectory is not None and len(sigmas) not in (0, len(trajectory)):
+        raise InputError(f"{folder}: {len(sigmas)} rows in pose_sigmas.txt, expected {len(trajectory)} as in {path.name}")
+    return trajectory, sigmas
 
 
 def load_layout(folder: Path) -> Layout:

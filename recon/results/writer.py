@@ -16,6 +16,7 @@ from recon.config_file import to_toml
 from recon.errors import OutputError
 from recon.layout_json import layout_to_json
 from recon.model import Face, Model
+from recon.occupancy import save_occupancy
 from recon.results.accuracy import write_accuracy
 from recon.results.metrics import metrics
 from recon.results.pictures import write_overlays
@@ -65,6 +66,8 @@ def _write(build: Build, folder: Path) -> None:
     _write_json(folder / "layout.json", layout_to_json(build.model.layout))
     write_planar(folder / "trajectory.txt", build.estimate.trajectory, "platform frame in the map frame")
     write_accuracy(folder, build.estimate)
+    if build.model.occupancy is not None:
+        save_occupancy(build.model.occupancy, folder)
     if build.calibration is not None:
         pose = build.calibration.platform_from_camera
         write_extrinsics(folder / "extrinsics.yaml", pose, f"{build.calibration.source} by recon")

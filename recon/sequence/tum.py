@@ -62,6 +62,17 @@ def read_planar(path: Path) -> Trajectory:
     return Trajectory(timestamps, np.column_stack([positions[:, :2], yaw_of_quaternions(quaternions)]))
 
 
+def as_written(trajectory: Trajectory) -> Trajectory:
+    """The trajectory as `read_planar` finds it in the file that `write_planar` makes: with the decimals of the text."""
+    half = trajectory.poses[:, 2] / 2
+    zero = np.zeros(len(trajectory))
+    quaternions = np.round(np.column_stack([zero, zero, np.sin(half), np.cos(half)]), 9)
+    quaternions /= np.linalg.norm(quaternions, axis=1)[:, None]
+    positions = np.round(trajectory.poses[:, :2], 6) + 0.0
+    poses = np.column_stack([positions, yaw_of_quaternions(quaternions)])
+    return Trajectory(np.round(trajectory.timestamps, 6), poses)
+
+
 def write_planar(path: Path, trajectory: Trajectory, comment: str = "") -> None:
     """Writes planar poses as a TUM file with z = 0."""
     n, half = len(trajectory), trajectory.poses[:, 2] / 2

@@ -39,7 +39,7 @@ from recon.layout.occupancy import build_occupancy
 from recon.layout_json import layout_from_json, layout_to_json
 from recon.lidar.matching import ScanMatching
 from recon.lidar.noise import with_noise
-from recon.lidar.segment import Segments
+from recon.lidar.segment import ScanSegments
 from recon.lidar.split_and_merge import extract_segments
 from recon.lidar.sweep import match_in_order
 from recon.loops.close import ClosedLoops, close_loops
@@ -129,7 +129,7 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measu
     return Build(sequence, config, model, estimate, calibration, poses, run.seconds, run.counts, warnings, measured)
 
 
-def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[Sequence, ScanMatching, list[Segments]]:
+def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[Sequence, ScanMatching, ScanSegments]:
     """Odometry from scan matching, and line segments of every scan (paper 2.1); the scans with their beams in order."""
     scans = sequence.scans
     lidar = with_noise(scans, config.lidar)
@@ -137,11 +137,13 @@ def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[Sequence, Sca
         scans, matching = match_in_order(scans, sequence.odometry, lidar, run.warnings)
         stage.advance(len(scans))
     with run.stage("scan lines", len(scans), "scans") as stage:
-        segments = []
+        parts = []
         for i in range(len(scans)):
-            segments.append(extract_segments(scans, i, lidar, matching.velocities[i]))
+            parts.append(extract_segments(scans, i, lidar, matching.velocities[i]))
             stage.advance()
-    run.counts |= {"scans": len(scans), "scan segments": sum(map(len, segments))}
+        segments = ScanSegments.pack(parts)
+        del parts
+    run.counts |= {"scans": len(scans), "scan segments": len(segments.table)}
     if matching.failed.any():
         run.warnings.append(
             f"{int(matching.failed.sum())} of {len(scans)} scans fitted no map; their motion is predicted"
@@ -173,7 +175,7 @@ def _calibration(
     lines: list[FrameLines | None],
     vertical: tuple[Array, float] | None,
     trajectory: Trajectory,
-    segments: list[Segments],
+    segments: ScanSegments,
     config: Config,
     run: _Run,
 ) -> Calibration | None:
@@ -206,7 +208,7 @@ def _calibration(
 
 
 def _sighted(
-    sequence: Sequence, calibration: Calibration | None, matching: ScanMatching, segments: list[Segments], run: _Run
+    sequence: Sequence, calibration: Calibration | None, matching: ScanMatching, segments: ScanSegments, run: _Run
 ) -> ScanMatching:
     """The scan matches, filled in where they say nothing along a corridor: from images, else from what platforms do."""
     eye = None if calibration is None else Eye.of(sequence, calibration)
@@ -237,7 +239,7 @@ def _estimate(
     calibration: Calibration | None,
     matching: ScanMatching,
     closed: ClosedLoops,
-    segments: list[Segments],
+    segments: ScanSegments,
     config: Config,
     run: _Run,
     tape: Tape | None = None,
@@ -264,14 +266,10 @@ def _estimate(
     return replace(estimate, odometry_clock=matching.clock)
 
 
-def _wall_observations(segments: list[Segments]) -> WallObservations:
+def _wall_observations(segments: ScanSegments) -> WallObservations:
     """The LiDAR segments of all scans."""
-    return WallObservations(
-        np.concatenate([np.full(len(s), i, np.int64) for i, s in enumerate(segments)]),
-        np.concatenate([s.endpoints for s in segments]),
-        np.concatenate([s.covariance for s in segments]),
-        np.full(sum(map(len, segments)), -1, np.int64),
-    )
+    table = segments.table
+    return WallObservations(segments.scan, table.endpoints, table.covariance, np.full(len(table), -1, np.int64))
 
 
 def _camera_poses(

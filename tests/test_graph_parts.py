@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from recon.config import LidarConfig
 from recon.geometry import Array, apply2, between2, compose2, wrap_angle
+from recon.graph.covariance import Covariance
 from recon.graph.edges import Edges
 from recon.graph.intervals import covered, union
 from recon.graph.line import Lines, carry, squared_distance
+from recon.graph.linear import LinearGraph
 from recon.graph.merge import join, merge_labels
 from recon.graph.motion import Motion, information_beyond_walls
 from recon.graph.observation import WallObservations
@@ -175,12 +177,12 @@ def test_covariances_are_those_of_gtsam() -> None:
     blocks = solution.covariance.blocks()
     for number in range(variables):
         np.testing.assert_allclose(blocks[number], marginals.marginalCovariance(number), rtol=1e-4, atol=1e-12)
-    rows = np.arange(3 * factors.size())
     # all that the graph knows is as many numbers as it has unknowns
-    assert solution.covariance.leverage(rows, probes=64) == pytest.approx(3 * variables, rel=0.15)
+    pull = LinearGraph(factors.linearize(values), variables).random_pull(np.arange(factors.size()), 64)
+    assert solution.covariance.leverage(pull) == pytest.approx(3 * variables, rel=0.15)
 
 
-def test_sparse_covariances_are_the_dense_ones() -> None:
+def test_sparse_covariances_are_the_dense_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks, blocks between variables and what an unknown scale adds, with a closure that ties far poses together."""
     run = simulate(polygon([(-1, -1), (4, -1.5), (4, 3), (-1, 2)]), drive([(0, 0), (2, 0.5), (0, 0)]), 0)
     names, labels = np.unique(run.wall_of, return_inverse=True)
@@ -189,13 +191,18 @@ def test_sparse_covariances_are_the_dense_ones() -> None:
     end, sigma = len(run.truth) - 1, np.array([0.01, 0.01, 0.002])
     again = between2(run.truth[0], run.truth[end])[None]
     closures = Edges(np.array([0]), np.array([end]), again, np.diag(sigma**2)[None])
-    solution = optimise(Problem(run.truth, run.motion, run.observations, labels, walls, closures=closures), True)
-    covariance, count = solution.covariance, len(run.truth) + len(names)
-    root = covariance.jacobian.toarray()
-    change, rows = np.random.default_rng(0).normal(size=30), np.arange(30, 60)
+    problem = Problem(run.truth, run.motion, run.observations, labels, walls, closures=closures)
+    graph, count = build(problem, False), len(run.truth) + len(names)
+    linear = graph.factors.linearize(graph.initial)
+    root, covariance = linear.jacobian()[0], Covariance(LinearGraph(linear, count))
+    change, factors = np.random.default_rng(0).normal(size=(30, 1)), np.arange(10, 20)
+    rows = root[30:60]
     dense = np.linalg.inv(root.T @ root)
-    covariance.add_unknown(rows, change, 0.1)
-    moved = 0.1 * dense @ root[rows].T @ change
+    monkeypatch.setattr("recon.graph.linear.PIECE", 3)
+    pull = LinearGraph(linear, count).pull(factors, change)
+    np.testing.assert_allclose(pull, rows.T @ change, rtol=1e-9, atol=1e-9 * np.abs(pull).max())
+    covariance.add_unknown(pull, 0.1)
+    moved = 0.1 * dense @ rows.T @ change[:, 0]
     dense = dense + np.outer(moved, moved)
     one, other = (k.reshape(-1) for k in np.meshgrid(np.arange(count), np.arange(count)))
     blocks = dense.reshape(count, 3, count, 3)

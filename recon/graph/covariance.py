@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import Any
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from recon.geometry import Array
+from recon.graph.linear import LinearGraph
 
 Ints = NDArray[np.int64]
 
@@ -25,14 +22,8 @@ class Covariance:
     to the root of the elimination tree, which nested dissection keeps short.
     """
 
-    def __init__(self, linear_graph: Any, variables: int) -> None:
-        import gtsam
-
-        order = gtsam.Ordering.MetisGaussianFactorGraph(linear_graph)
-        try:
-            net = linear_graph.eliminateSequential(order)
-        except RuntimeError:  # squaring loses what little is known along a bare corridor: slower, but without
-            net = linear_graph.eliminateSequential(order, gtsam.EliminateQR)
+    def __init__(self, graph: LinearGraph) -> None:
+        net, variables = graph.eliminate(), graph.variables
         rows = [net.at(i) for i in range(variables)]
         keys = [row.keys() for row in rows]
         self._at = np.empty(variables, np.int64)
@@ -46,24 +37,13 @@ class Covariance:
         self._column = column[sort]
         self._beside = np.ascontiguousarray(beside.reshape(3, -1, 3).transpose(1, 0, 2)[sort])
         self._unknown = np.zeros((variables, 3, 0))
-        self._graph = linear_graph
 
-    @cached_property
-    def jacobian(self) -> csr_array:
-        """(3F, 3V) of F factors, row by row weighted with the root of their information."""
-        rows, columns, values = self._graph.sparseJacobian_()
-        shape = 3 * self._graph.size(), 3 * len(self._at)
-        del self._graph  # large, and of no further use
-        used = np.flatnonzero((columns <= shape[1]) & (values != 0))  # the last column is the right-hand side
-        place = (rows[used] - 1).astype(np.int32), (columns[used] - 1).astype(np.int32)
-        return csr_array((values[used], place), shape=shape)
-
-    def add_unknown(self, rows: Ints, change: Array, sigma: float) -> None:
+    def add_unknown(self, pull: Array, sigma: float) -> None:
         """Widen by a number that was estimated apart, with standard deviation `sigma`.
 
-        change: (n,) by how much one unit of it moves the residuals in the Jacobian's `rows` (n,).
+        pull: (3V, 1) `LinearGraph.pull` of how much one unit of it moves the residuals.
         """
-        more = -sigma * self._solve((self.jacobian[rows].T @ change)[:, None]).reshape(-1, 3, 1)
+        more = -sigma * self._solve(pull).reshape(-1, 3, 1)
         self._unknown = np.concatenate([self._unknown, more], axis=2)
 
     def blocks(self) -> Array:
@@ -80,16 +60,12 @@ class Covariance:
         )
         return np.asarray(out + self._unknown[first] @ self._unknown[second].transpose(0, 2, 1))
 
-    def leverage(self, rows: Ints, probes: int = 8) -> float:
-        """Degrees of freedom that the solution takes from the Jacobian's `rows`: the trace of J S J^T there.
+    def leverage(self, pull: Array) -> float:
+        """Degrees of freedom that the solution takes from some factors: the trace of J S J^T of their rows J.
 
-        Estimated with random signs (Hutchinson 1990), from a fixed seed.
+        Estimated with random signs (Hutchinson 1990). pull: (3V, P) their `LinearGraph.random_pull`.
         """
-        if not len(rows):
-            return 0.0
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(rows), probes))
-        back = self.jacobian[rows].T @ signs
-        return float(np.sum(back * self._solve(back)) / probes)
+        return float(np.sum(pull * self._solve(pull)) / pull.shape[1])
 
     def _solve(self, right: Array) -> Array:
         """The inverse of the information times `right` (3V, n)."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from recon.geometry import Array, between2, wrap_angle
 from recon.graph.covariance import Covariance
 from recon.graph.line import Lines, squared_distance
+from recon.graph.linear import LinearGraph
 from recon.graph.motion import information_beyond_walls, sqrt_information
 from recon.graph.odometry import OdometryModel
 from recon.graph.problem import Graph, Problem, build
@@ -31,6 +32,8 @@ MOST_LAGS = 10
 LEAST_CORRELATION = 0.05
 """Correlations below are chance."""
 LEAST_PAIRS = 100
+PROBES = 8
+"""Random signs by which leverage is estimated."""
 EXPECTED = 2 * (1 - np.exp(-4.5))
 """Mean of chi-square with two degrees of freedom, clipped at 9."""
 
@@ -39,15 +42,15 @@ EXPECTED = 2 * (1 - np.exp(-4.5))
 class Solution:
     """poses: (N, 3). walls: (W, 3). covariance: of poses, walls, axes and frame, numbered in this order.
 
+    leverage: degrees of freedom that the solution takes from "lidar" and from "image" segments.
     frame: (3,) map_from_survey, the survey counted from the centre of the control points; (0,) without any.
-    rows: factor numbers by kind.
     """
 
     poses: Array
     walls: Array
     covariance: Covariance
+    leverage: dict[str, float]
     frame: Array
-    rows: dict[str, Ints]
 
     @cached_property
     def blocks(self) -> Array:
@@ -78,17 +81,22 @@ def optimise(problem: Problem, final: bool, rounds: int = ROUNDS, last: float = 
         del graph, values  # before the next one is built
         moved = replace(problem.walls, middle=walls[:, :2], angle=walls[:, 2])
         return optimise(replace(problem, poses=poses, walls=moved), final, rounds - 1, slide)
-    covariance, rows = Covariance(graph.factors.linearize(values), graph.variables), graph.rows
-    del graph  # large on a long drive, and of no further use
+    linear, rows = LinearGraph(graph.factors.linearize(values), graph.variables), graph.rows
+    del graph, values  # large on a long drive, and of no further use
     give_back()
+    frame = rest[-1] if problem.control is not None else np.zeros(0)
+    return Solution(poses, walls, *_covariance(problem, linear, rows), frame)
+
+
+def _covariance(problem: Problem, linear: LinearGraph, rows: dict[str, Ints]) -> tuple[Covariance, dict[str, float]]:
+    """Of the linearised problem, with what numbers that were estimated apart add, and the segments' leverage."""
+    covariance = Covariance(linear)
     if problem.odometry is not None:
-        covariance.add_unknown(
-            _rows(rows["odometry"]), _change_with_scale(problem.odometry), problem.odometry.scale_sigma
-        )
-    if len(problem.motion.unknown):
-        for change in _change_with_motions(problem):
-            covariance.add_unknown(_rows(rows["motion"]), change, 1.0)
-    return Solution(poses, walls, covariance, rest[-1] if problem.control is not None else np.zeros(0), rows)
+        change = _change_with_scale(problem.odometry)[:, None]
+        covariance.add_unknown(linear.pull(rows["odometry"], change), problem.odometry.scale_sigma)
+    for unknown in _change_with_motions(problem):
+        covariance.add_unknown(linear.pull(rows["motion"], unknown[:, None]), 1.0)
+    return covariance, {k: covariance.leverage(linear.random_pull(rows[k], PROBES)) for k in ("lidar", "image")}
 
 
 def _minimum(graph: Graph, final: bool) -> Any:
@@ -112,11 +120,6 @@ def _slide(problem: Problem, poses: Array, walls: Array) -> float:
     return float(np.abs(np.cos(angle) * delta[:, 0] + np.sin(angle) * delta[:, 1]).max())
 
 
-def _rows(factors: Ints) -> Ints:
-    """Rows of the Jacobian that belong to factors with these numbers."""
-    return np.asarray((3 * factors[:, None] + np.arange(3)).reshape(-1))
-
-
 def _change_with_scale(odometry: OdometryModel) -> Array:
     """(3n,) by how much the residuals of odometry's factors change with its scale."""
     relative, covariance = odometry.motion.relative[odometry.inside], odometry.motion.covariance[odometry.inside]
@@ -129,6 +132,8 @@ def _change_with_scale(odometry: OdometryModel) -> Array:
 
 def _change_with_motions(problem: Problem) -> Iterator[Array]:
     """(3(N-1),) by how much the residuals of scan matches change with each unknown of the motions."""
+    if not len(problem.motion.unknown):
+        return
     relative = problem.motion.relative
     root = sqrt_information(relative, information_beyond_walls(problem.motion, problem.observations, problem.labels))
     c, s = np.cos(relative[:, 2]), np.sin(relative[:, 2])
@@ -190,7 +195,7 @@ def variance_factor(problem: Problem, solution: Solution, kind: str) -> float:
     """
     chosen = problem.observations.image >= 0 if kind == "image" else problem.observations.image < 0
     squared = wall_residuals(problem, solution)[chosen]
-    redundancy = 2 * len(squared) - solution.covariance.leverage(_rows(solution.rows[kind]))
+    redundancy = 2 * len(squared) - solution.leverage[kind]
     if redundancy < 20:
         return 1.0
     factor = 1.0

@@ -8,7 +8,7 @@ Every stage is a function of what the stages before it gave; only readers read f
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -23,6 +23,7 @@ from recon.calibration.support import CalibrationFrames
 from recon.calibration.synchronise import Drive, calibrate_with_clock
 from recon.config import Config
 from recon.faces import extrude
+from recon.furniture import Furniture, suspects
 from recon.geometry import Array, Pose3, between2
 from recon.graph.blind import Eye, blind_steps, guessed_steps, see_along, unplaced_scans
 from recon.graph.boundary import boundary_observations
@@ -47,6 +48,7 @@ from recon.measured import NOTHING, Measured
 from recon.memory import give_back
 from recon.model import Layout, Model
 from recon.progress import SILENT, Progress, Stage
+from recon.segmentation.furniture import standing_furniture
 from recon.segmentation.heights import measure_objects
 from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
@@ -110,16 +112,13 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measu
     closed = _closed(sequence, matching, config, run)
     estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run)
     if measured:
-        plain = build_layout(estimate, sequence.scans, config.layout)
+        plain = _layout(sequence, lines, calibration, estimate, config, run)
         named = measured.on_layout(plain, sequence.scans.timestamps)
         estimate = _estimate(sequence, lines, calibration, matching, closed, segments, config, run, *named)
         run.warnings.extend(measured.surprises(estimate))
     poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
-    with run.stage("layout"):
-        layout = build_layout(estimate, sequence.scans, config.layout)
-        if sequence.camera is not None and calibration is not None:
-            layout = measure_heights(layout, lines, poses, sequence.camera)
-        layout = layout_from_json(layout_to_json(layout), "layout.json")  # its decimals: exports made later are equal
+    layout = _layout(sequence, lines, calibration, estimate, config, run)
+    layout = layout_from_json(layout_to_json(layout), "layout.json")  # its decimals: exports made later are equal
     model = _model(sequence, layout, poses, config, run)
     with run.stage("occupancy"):
         occupancy = build_occupancy(estimate.trajectory, sequence.scans)
@@ -291,6 +290,35 @@ def _camera_poses(
         Pose3.from_planar(pose) @ calibration.platform_from_camera if ok else None
         for pose, ok in zip(trajectory.at(times), inside, strict=True)
     )
+
+
+def _layout(
+    sequence: Sequence,
+    lines: list[FrameLines | None],
+    calibration: Calibration | None,
+    estimate: MapEstimate,
+    config: Config,
+    run: _Run,
+) -> Layout:
+    """The plan with heights, without the furniture that images tell from walls."""
+    images, camera = sequence.images, sequence.camera
+    if images is None or camera is None or calibration is None:
+        with run.stage("layout"):
+            return build_layout(estimate, sequence.scans, config.layout)
+    poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
+
+    def plan(furniture: Iterable[Furniture] = ()) -> Layout:
+        layout = build_layout(estimate, sequence.scans, config.layout, tuple(furniture))
+        return measure_heights(layout, lines, poses, camera)
+
+    def load(index: int) -> NDArray[np.uint8] | None:
+        return load_image(images, index, camera, warnings=run.warnings)
+
+    with run.stage("layout"):
+        layout = plan()
+        doubtful = suspects(layout)
+        found = standing_furniture(doubtful, plan(doubtful), camera, poses, load) if doubtful else []
+        return plan(found) if found else layout
 
 
 def _model(sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], config: Config, run: _Run) -> Model:

@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from recon.config import LayoutConfig
+from recon.furniture import Furniture
 from recon.geometry import Array
 from recon.graph.estimate import MapEstimate
 from recon.layout.blocks import without_blocks
@@ -17,7 +18,7 @@ from recon.layout.clutter import is_sure, with_returns, without_clutter
 from recon.layout.dimensions import with_dimensions
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
-from recon.layout.furniture import Furniture, filled, with_furniture, without_furniture
+from recon.layout.furniture import filled, with_furniture, without_furniture
 from recon.layout.labelling import areas, label_cells, supports, trust
 from recon.layout.leaves import without_leaves
 from recon.layout.line import PlanLine, merged_lines

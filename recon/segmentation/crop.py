@@ -40,7 +40,8 @@ class Crop:
 
     image: BGR. lowest, reach: heights, m, from which what is in the thing's core, or in its reach, hides the background
     (`Column.meet`), inf outside. distance: m, to its reach. bins: `colour_bins`. behind: log density of each pixel's
-    colour in the surroundings of what is behind it. step: raw pixels between neighbours.
+    colour in the surroundings of what is behind it. clear: whether no other thing can be seen there. step: raw pixels
+    between neighbours.
     """
 
     rows: NDArray[np.int64]
@@ -51,15 +52,16 @@ class Crop:
     distance: Array
     bins: NDArray[np.int64]
     behind: Array
+    clear: NDArray[np.bool_]
     step: int
 
     def evidence(self, colours: Array) -> Array:
         """Log likelihood ratio (h, w) of thing to background, for the density of the thing's colours."""
         return np.asarray(np.clip(np.log(colours)[self.bins] - self.behind, -SURE, SURE))
 
-    def colours(self, weight: Array) -> Array:
-        """Density of the colours of the thing, to which pixels belong with weights (h, w)."""
-        return density(self.bins, weight, NOVEL)
+    def colours(self, weight: Array, novel: float = NOVEL) -> Array:
+        """Density of the colours of the thing, to which pixels belong with weights (h, w); novel: share of others."""
+        return density(self.bins, weight, novel)
 
 
 class Eye:
@@ -109,12 +111,15 @@ class Eye:
         lowest = np.where(hidden, np.inf, thing.lowest(origin, rays))
         height = origin[2] + np.where(face < 0, 0.0, background) * rays[..., 2]
         surface = face * BANDS + np.clip(height / BAND, 0, BANDS - 1).astype(np.int64)
+        clear = np.ones(around.shape, np.bool_)
         for other in others:
-            around &= other.reach.meet(origin, rays)[0] > top
+            height_there, distance_there = other.reach.meet(origin, rays)
+            around &= height_there > top
+            clear &= (height_there > top) | (distance_there > background)
         part = np.ascontiguousarray(image[np.ix_(rows, columns)])
         bins = colour_bins(part)
         behind = _behind(bins, surface, around)
-        return Crop(rows, columns, part, lowest, reach, distance, bins, behind, step)
+        return Crop(rows, columns, part, lowest, reach, distance, bins, behind, clear, step)
 
 
 def _behind(bins: NDArray[np.int64], surface: NDArray[np.int64], around: NDArray[np.bool_]) -> Array:

@@ -47,10 +47,10 @@ def measure_objects(
     eye = Eye(camera, RayScene(faces))
     measured = []
     for item, thing in zip(objects, things, strict=True):
-        views = _views(thing, near(thing, things), eye, map_from_camera, load, top)
+        seen = views(thing, near(thing, things), eye, map_from_camera, load, top)
         span = None
-        if len(views) >= FEWEST:
-            crops, poses = [crop for crop, _ in views], [pose for _, pose in views]
+        if len(seen) >= FEWEST:
+            crops, poses = [crop for crop, _ in seen], [pose for _, pose in seen]
             span = solid_span(crops, top) if thing.solid else legged_span(thing, crops, poses, camera, top)
         measured.append(item if span is None else replace(item, bottom=round(span[0], 3), top=round(span[1], 3)))
     return _by_parallax(replace(layout, objects=tuple(measured)), faces, camera, map_from_camera, load)
@@ -72,7 +72,7 @@ def near(thing: Thing, things: list[Thing]) -> list[Thing]:
     return [t for t, gap in zip(things, gaps, strict=True) if t is not thing and gap < FARTHEST]
 
 
-def _views(
+def views(
     thing: Thing, others: list[Thing], eye: Eye, poses: Sequence[Pose3 | None], load: Load, top: float
 ) -> list[tuple[Crop, Pose3]]:
     """The nearest images that show a thing."""

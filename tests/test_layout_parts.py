@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -15,8 +16,9 @@ from recon.geometry import Array
 from recon.layout.cells import cut_plane
 from recon.layout.labelling import BOUNDARY, FREE, GLANCED, UNSEEN, UNSUPPORTED, label_cells
 from recon.layout.line import NONE, PlanLine, clip, coverage, subtract, total, union
+from recon.layout.polygons import SMALLEST_HOLE, room_rings, simple_polygons
 from recon.layout.rays import count_rays
-from recon.layout.rooms import room_names, simple_polygons
+from recon.layout.rooms import room_names
 
 LOW, HIGH = np.array([-6.0, -6.0]), np.array([16.0, 16.0])
 
@@ -121,6 +123,58 @@ def test_holes_are_cut_across_or_filled() -> None:
     assert shapely.union_all(parts).area == pytest.approx(200 - 20 - 24, abs=1e-3)
     column = simple_polygons(outline.difference(shapely.box(5, 5, 5.5, 5.5)))
     assert len(column) == 1 and column[0].area == pytest.approx(200)
+
+
+def _with_holes(seed: int) -> shapely.Polygon:
+    """A hall at any angle with up to five holes: blocks, L and C shapes, in each other and apart."""
+    rng, holes = np.random.default_rng(seed), []
+    for _ in range(rng.integers(1, 6)):
+        (w, h), (x, y) = rng.uniform(0.3, 8, 2), rng.uniform(1, 20, 2)
+        hole = shapely.affinity.rotate(shapely.box(x, y, x + w, y + h), 90 * rng.random() * (rng.random() < 0.5))
+        if rng.random() < 0.4:
+            hole = hole.difference(shapely.affinity.translate(hole, *(rng.uniform(-0.6, 0.6, 2) * [w, h])))
+        holes.append(hole)
+    if rng.random() < 0.3:
+        holes += [shapely.LineString([(10, 5), (20, 5), (20, 15), (10, 15)]).buffer(0.7, cap_style="flat")]
+    hall = shapely.box(0, 0, 30, 30).difference(shapely.union_all(holes))
+    return shapely.affinity.rotate(max(shapely.get_parts(hall), key=shapely.area), rng.uniform(0, 90))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 100_000))
+def test_cut_up_rooms_are_simple_disjoint_and_whole(seed: int) -> None:
+    room = _with_holes(seed)
+    filled = [hole for hole in map(shapely.Polygon, room.interiors) if hole.area < SMALLEST_HOLE]
+    parts = [shapely.Polygon(ring) for ring in room_rings([room])]
+    assert all(part.is_valid and part.exterior.is_ccw for part in parts)
+    area = room.area + sum(hole.area for hole in filled)
+    assert sum(part.area for part in parts) == pytest.approx(area, abs=1e-3)
+    assert shapely.union_all(parts).area == pytest.approx(area, abs=1e-3)
+    assert all(a.intersection(b).area < 1e-6 for i, a in enumerate(parts) for b in parts[:i])
+
+
+def test_a_ring_corridor_is_cut_at_its_narrowest() -> None:
+    ring = shapely.box(0, 0, 20, 10).difference(shapely.box(3, 2, 15, 9))
+    parts = room_parts(ring)
+    assert sum(part.length for part in parts) == pytest.approx(ring.length + 2 * (1.0 + 2.0))
+    assert sum(part.area for part in parts) == pytest.approx(ring.area)
+
+
+def room_parts(*rooms: shapely.Polygon) -> list[shapely.Polygon]:
+    return [shapely.Polygon(ring) for ring in room_rings(rooms)]
+
+
+def test_a_small_room_within_a_room_is_not_filled() -> None:
+    kiosk = shapely.box(5, 5, 6.2, 6.2)
+    parts = room_parts(shapely.box(0, 0, 12, 10).difference(kiosk), kiosk)
+    assert shapely.union_all(parts).area == pytest.approx(120) and sum(p.area for p in parts) == pytest.approx(120)
+    assert min(part.area for part in parts) == pytest.approx(kiosk.area)
+
+
+def test_touching_rooms_share_their_corners() -> None:
+    long, short = room_parts(shapely.box(0, 0, 10, 3), shapely.Polygon([(2, 2.9995), (6, 3.0), (6, 7), (2, 7)]))
+    assert long.intersection(short).area < 1e-9
+    assert {(2.0, 2.9995), (6.0, 3.0)} <= set(long.exterior.coords)
 
 
 def test_names_tell_corridors_from_rooms() -> None:

@@ -26,9 +26,10 @@ from recon.layout.objects import floor_objects
 from recon.layout.openings import find_openings
 from recon.layout.outline import Side, sides, spurs, walls_of
 from recon.layout.piers import with_piers
+from recon.layout.polygons import room_rings
 from recon.layout.recess import absorb_steps
 from recon.layout.returns import Returns
-from recon.layout.rooms import regions, room_names, simple_polygons
+from recon.layout.rooms import regions, room_names
 from recon.layout.sight import within_sight
 from recon.layout.simplify import simplified
 from recon.layout.surface import with_surfaces
@@ -90,7 +91,8 @@ def _walls_and_rooms(
     inside = label_cells(cells, lines, reached, glanced, evidence)
     found, parting = regions(cells, lines, inside, support[:, 0], spans, glanced > reached, path)
     in_room = np.isin(np.arange(len(cells.polygons)), [cell for region in found for cell in region.cells])
-    outlines = [[simplified(ring, space) for ring in sides(cells, region, support[:, 0], in_room)] for region in found]
+    rings = [sides(cells, region, support[:, 0], in_room) for region in found]
+    outlines = simplified(rings, [region.polygon for region in found], space)
     walls: list[Wall] = []
     owner: list[int] = []
     for region, outline in zip(found, outlines, strict=True):
@@ -109,11 +111,8 @@ def _bounds(space: FreeSpace, lines: list[PlanLine]) -> tuple[Array, Array]:
 
 
 def _rooms(outlines: list[list[list[Side]]]) -> list[Room]:
-    """Simple, disjoint, counter-clockwise polygons, from the rings (the outer one first) of every region."""
-    polygons = []
-    for outline in outlines:
-        corners = [np.array([side.start for side in ring]) for ring in outline]
-        polygons += simple_polygons(shapely.Polygon(corners[0], corners[1:]))
-    names = room_names(polygons)
-    rings = [np.asarray(shapely.orient_polygons(polygon).exterior.coords)[:-1] for polygon in polygons]
+    """Rooms with names, from the rings of sides (the outer one first) of every region."""
+    corners = [[np.array([side.start for side in ring]) for ring in outline] for outline in outlines]
+    rings = room_rings([shapely.Polygon(outer, holes) for outer, *holes in corners])
+    names = room_names([shapely.Polygon(ring) for ring in rings])
     return [Room(i, name, ring) for i, (name, ring) in enumerate(zip(names, rings, strict=True))]

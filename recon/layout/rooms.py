@@ -24,8 +24,6 @@ SMALLEST = 1.0
 """m^2"""
 SUPPORTED = 0.6
 """Share of a room's outline that walls support, for rooms that the platform did not enter."""
-SMALLEST_HOLE = 2.0
-"""m^2; smaller holes in a room are things in it, larger ones split it into simple polygons."""
 CORRIDOR_ASPECT = 6.0
 CORRIDOR_WIDTH = 3.5
 
@@ -103,39 +101,6 @@ def _is_room(region: Region, cells: Cells, support: Array, path: Array) -> bool:
     inside[region.cells] = True
     rim = inside[cells.left] != inside[cells.right]
     return bool(support[rim].sum() >= SUPPORTED * cells.lengths[rim].sum())
-
-
-def simple_polygons(polygon: shapely.Polygon) -> list[shapely.Polygon]:
-    """A polygon as polygons without holes: small holes are filled, at others it is cut across to its outline."""
-    holes = [hole for hole in polygon.interiors if shapely.Polygon(hole).area >= SMALLEST_HOLE]
-    polygon = shapely.Polygon(polygon.exterior, holes)
-    if not holes:
-        return [polygon]
-    cuts = _cuts(polygon, holes[0])
-    parts = shapely.polygonize([shapely.union_all([polygon.boundary, *cuts])]).geoms
-    inner = [part for part in parts if polygon.contains(part.representative_point())]
-    if len(inner) < 2:
-        return [shapely.Polygon(polygon.exterior)]
-    return [simple for part in inner for simple in simple_polygons(part)]
-
-
-def _cuts(polygon: shapely.Polygon, hole: shapely.LinearRing) -> list[shapely.LineString]:
-    """The two shortest cuts from a hole to the rest of the boundary that go on along its sides."""
-    corners = np.asarray(hole.coords)[:-1]
-    reach = 2 * float(np.hypot(*np.subtract(polygon.bounds[2:], polygon.bounds[:2])))
-    found: list[tuple[float, int, shapely.LineString]] = []
-    for i, corner in enumerate(corners):
-        for other in (corners[i - 1], corners[(i + 1) % len(corners)]):
-            step = (corner - other) / np.linalg.norm(corner - other)
-            inner = shapely.LineString([corner + 1e-6 * step, corner + reach * step]).intersection(polygon)
-            first = shapely.get_parts(inner)[:1]
-            if len(first) and first[0].distance(shapely.Point(corner)) < 1e-5:
-                end = np.asarray(first[0].coords)[-1] + 1e-6 * step
-                found.append((float(first[0].length), i, shapely.LineString([corner, end])))
-    found.sort(key=lambda cut: cut[:2])
-    first_cut = found[:1]
-    second = [cut for cut in found[1:] if cut[1] != first_cut[0][1] and not cut[2].intersects(first_cut[0][2])][:1]
-    return [cut[2] for cut in first_cut + second]
 
 
 def room_names(polygons: list[shapely.Polygon]) -> list[str]:

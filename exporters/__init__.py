@@ -4,8 +4,8 @@ Every writer is a pure function `write(model, stem) -> Output`: it computes byte
 gives the same bytes. `export` puts them on disk, all or nothing. Writers in `WITH_OPTIONS` take `ExportOptions` as a
 third argument. Those in `BUILDING_WRITERS` are `write(building, stem, options) -> Output`, for several storeys at once.
 
-Lengths are metres in every format and frames are right-handed with the floor at height 0. `.glb` and `.obj` have Y up
-(glTF's rule and OBJ's habit): x, z, -y of the map frame. All others have Z up and are in map coordinates.
+Lengths are metres in every format and frames are right-handed with the floor at height 0. `.glb`, `.gltf` and `.obj`
+have Y up (glTF's rule and OBJ's habit): x, z, -y of the map frame. All others have Z up and are in map coordinates.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ import importlib
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from recon.errors import OutputError
-from recon.exporters.options import DEFAULTS, ExportOptions
+from recon.exporters.options import DEFAULTS, ExportOptions, check_options
 from recon.exporters.output import Output
 from recon.files import atomic_path
 
@@ -35,6 +36,7 @@ WRITERS: dict[str, str] = {
     ".usdc": "usd:write_usdc",
     ".usdz": "usd:write_usdz",
     ".glb": "gltf:write_glb",
+    ".gltf": "gltf:write_gltf",
     ".obj": "obj:write_obj",
     ".ply": "ply:write_ply",
     ".stl": "stl:write_stl",
@@ -44,16 +46,24 @@ WRITERS: dict[str, str] = {
 }
 """Suffix (lower case) to writer. To add a format: one module with one `write` function, one line here."""
 
-WITH_OPTIONS: frozenset[str] = frozenset()
+MESHES: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".obj", ".ply", ".stl"})
+"""Suffixes of formats that hold the faces; they come in several levels of detail (`ExportOptions.lod`)."""
+
+WITH_OPTIONS: frozenset[str] = frozenset({*MESHES})
 """Suffixes whose writers take `ExportOptions` as a third argument."""
 
-BUILDING_WRITERS: dict[str, str] = {}
+BUILDING_WRITERS: dict[str, str] = {
+    ".usd": "usd:write_building_usdc",
+    ".usda": "usd:write_building_usda",
+    ".usdc": "usd:write_building_usdc",
+    ".usdz": "usd:write_building_usdz",
+}
 """Suffixes of formats that hold several storeys, to their writers of a `Building`."""
 
 SUFFIXES: tuple[str, ...] = tuple(WRITERS)
 """Known suffixes of output files, lower case, with the dot."""
 
-TEXTURES_BESIDE: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".obj"})
+TEXTURES_BESIDE: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".gltf", ".obj"})
 """Suffixes whose textures lie beside the file, in the folder `<stem>.textures`."""
 
 
@@ -88,21 +98,43 @@ def _load(name: str) -> Writer:
     return writer
 
 
-def export(model: Model, path: Path, options: ExportOptions = DEFAULTS) -> None:
+def export(model: Model, path: Path, options: ExportOptions = DEFAULTS) -> tuple[str, ...]:
     """Write `model` to `path` in the format of its suffix, with the files that belong beside it.
 
-    `.usd`, `.usda`, `.usdc` and `.obj` put their textures into the folder `<stem>.textures`, `.obj` its materials into
-    `<stem>.mtl`; every other format is one file. All files are written beside their targets first and moved at the
-    end, the named file last. Raises OutputError when the suffix is unknown or a file cannot be written.
+    `.usd`, `.usda`, `.usdc`, `.gltf` and `.obj` put their textures into the folder `<stem>.textures`, `.obj` its
+    materials into `<stem>.mtl`, `.gltf` its shapes into `<stem>.bin`; every other format is one file. All files are
+    written beside their targets first and moved at the end, the named file last. Gives lines for people about what
+    could not be done as asked. Raises OutputError when the suffix is unknown or a file cannot be written.
     """
     suffix, writer = suffix_of(path), writer_for(path)
     stem = path.name[: -len(suffix)]
-    _put(writer(model, stem, options) if suffix in WITH_OPTIONS else writer(model, stem), path)
+    if suffix not in MESHES:
+        output = writer(model, stem, options) if suffix in WITH_OPTIONS else writer(model, stem)
+        _put(output, path)
+        return tuple(output.notes)
+    from recon.exporters.detail import with_detail
+
+    check_options([path], options)
+    notes: tuple[str, ...] = ()
+    for level in range(options.lod, -1, -1):
+        name = f"{stem}.lod{level}" if level else stem
+        detailed, said = with_detail(model, options, level)
+        output = writer(detailed, name, options)
+        _put(output, path.with_name(name + path.name[len(stem) :]))
+        notes = (*said, *output.notes)
+    return tuple(f"{path.name}: {note}" for note in notes)
 
 
 def export_building(building: Building, path: Path, options: ExportOptions = DEFAULTS) -> None:
     """Write all storeys of `building` to `path`; as `export`, and OutputError when the format holds one storey only."""
-    _put(building_writer_for(path)(building, path.name[: -len(suffix_of(path))], options), path)
+    writer, suffix = building_writer_for(path), suffix_of(path)
+    if suffix in MESHES:
+        from recon.exporters.detail import with_detail
+
+        check_options([path], options)
+        storeys = tuple(replace(s, model=with_detail(s.model, options)[0]) for s in building.storeys)
+        building = replace(building, storeys=storeys)
+    _put(writer(building, path.name[: -len(suffix)], options), path)
 
 
 def _put(output: Output, path: Path) -> None:
@@ -111,19 +143,20 @@ def _put(output: Output, path: Path) -> None:
         with ExitStack() as stack:  # left in reverse order: `path` itself is moved into place last
             for name, content in [(path.name, output.content), *output.beside.items()]:
                 target = path.parent / name
-                target.parent.mkdir(exist_ok=True)
+                target.parent.mkdir(exist_ok=True, parents=True)
                 stack.enter_context(atomic_path(target)).write_bytes(content)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def check_outputs(paths: Sequence[Path]) -> None:
+def check_outputs(paths: Sequence[Path], options: ExportOptions = DEFAULTS) -> None:
     """Raise OutputError, before any work is done, when one of `paths` could not be exported to.
 
     Refused: an unknown suffix, a folder, a parent folder that is missing or not writable, the same file twice, and
     files in the way of the texture folder.
     """
     seen: set[Path] = set()
+    check_options(paths, options)
     for path in paths:
         if suffix_of(path) not in WRITERS:
             writer_for(path)

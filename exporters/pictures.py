@@ -1,4 +1,4 @@
-"""Textures as JPEG files, and colours as the formats want them."""
+"""Textures as files, and colours as the formats want them."""
 
 from __future__ import annotations
 
@@ -6,31 +6,37 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from recon.exporters.options import TextureFormat
 from recon.geometry import Array
-from recon.model import NEUTRAL_COLOURS, Face, Model
+from recon.model import NEUTRAL_COLOURS, Face, FaceKind, Model
 
-JPEG_QUALITY = 92
-TEXTURE_SUFFIX = ".jpg"
+QUALITY = 92
+OPACITY: dict[FaceKind, float] = {"window": 0.35}
+"""Of faces without a texture that are not opaque."""
+MIME: dict[TextureFormat, str] = {"jpg": "image/jpeg", "png": "image/png", "webp": "image/webp"}
+_OPTIONS: dict[TextureFormat, list[int]] = {
+    "jpg": [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444],
+    "png": [cv2.IMWRITE_PNG_COMPRESSION, 6],
+    "webp": [cv2.IMWRITE_WEBP_QUALITY, QUALITY],
+}
 
 
-def encode_jpeg(texture: NDArray[np.uint8]) -> bytes:
-    """A texture (H, W, 3), RGB, as a JPEG file: photographs at a tenth of PNG's size, full colour resolution."""
-    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
-    ok, data = cv2.imencode(TEXTURE_SUFFIX, cv2.cvtColor(texture, cv2.COLOR_RGB2BGR), options)
+def encode(texture: NDArray[np.uint8], kind: TextureFormat = "jpg") -> bytes:
+    """A texture (H, W, 3), RGB, as a file. JPEG: photographs at a tenth of PNG's size, full colour resolution."""
+    ok, data = cv2.imencode(f".{kind}", cv2.cvtColor(texture, cv2.COLOR_RGB2BGR), _OPTIONS[kind])
     if not ok:
         raise RuntimeError(f"OpenCV cannot encode a texture of shape {texture.shape}")
     return data.tobytes()
 
 
-def texture_files(model: Model, folder: str) -> dict[str, bytes]:
-    """JPEG files of all textured faces, by path: `folder/wall_003.jpg`."""
-    return {texture_path(f, folder): encode_jpeg(f.texture) for f in model.faces if f.texture is not None}
+def texture_files(model: Model, folder: str, kind: TextureFormat = "jpg") -> dict[str, bytes]:
+    """Files of all textures, by path: `folder/wall_003.jpg`."""
+    return {texture_path(f, folder, kind): encode(f.texture, kind) for f in model.faces if f.texture is not None}
 
 
-def texture_path(face: Face, folder: str) -> str:
+def texture_path(face: Face, folder: str, kind: TextureFormat = "jpg") -> str:
     """Where `texture_files` puts the texture of `face`."""
-    return f"{folder}/{face.name}{TEXTURE_SUFFIX}"
+    return f"{folder}/{face.name}.{kind}"
 
 
 def linear_rgb(srgb: ArrayLike) -> Array:

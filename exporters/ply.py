@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
 from recon.exporters.shape import face_normal
 from recon.geometry import Array
@@ -14,6 +17,8 @@ from recon.sampling import FaceColours
 FINEST_STEP = 0.03
 """m between the vertices of a textured face, in a building of up to MOST_VERTICES; coarser in a larger one."""
 MOST_VERTICES = 1_000_000
+COARSEST_STEP = 10.0
+"""m: a coarser grid cuts nothing."""
 SLIVER = 1e-6
 """m: thinner pieces have no triangles."""
 
@@ -21,12 +26,26 @@ _VERTEX = np.dtype([("position", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1
 _TRIANGLE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
-def write_ply(model: Model, stem: str) -> Output:
+def write_ply(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """All faces; those with a texture are cut by a square grid and coloured from it, the others stay as they are."""
-    step = grid_step(model)
+    step = grid_step(model, options.max_triangles)
+    vertices, triangles = _mesh(model, step)
+    most = options.max_triangles
+    while most is not None and len(triangles) > most and step < COARSEST_STEP:
+        step *= 1.3
+        vertices, triangles = _mesh(model, step)
+    over = most is not None and len(triangles) > most
+    notes = (f"has {len(triangles)} triangles, the fewest that keep the faces' outlines",) if over else ()
+    body = vertices.tobytes() + triangles.tobytes()
+    return Output(_header(len(vertices), len(triangles)).encode("ascii") + body, notes=notes)
+
+
+def _mesh(model: Model, step: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Records of vertices and triangles, cut by a grid of `step` m; from COARSEST_STEP on uncut."""
     vertices, triangles, first = [np.zeros(0, _VERTEX)], [np.zeros(0, _TRIANGLE)], 0
     for face in model.faces:
-        points, corners = (face.vertices, face.triangles) if face.texture is None else cut_by_grid(face, step)
+        plain = face.texture is None or step >= COARSEST_STEP
+        points, corners = (face.vertices, face.triangles) if plain else cut_by_grid(face, step)
         vertex, triangle = np.zeros(len(points), _VERTEX), np.zeros(len(corners), _TRIANGLE)
         vertex["position"], vertex["normal"] = points, face_normal(face)
         vertex["colour"] = np.rint(FaceColours(face).at(points, step))
@@ -34,19 +53,21 @@ def write_ply(model: Model, stem: str) -> Output:
         vertices.append(vertex)
         triangles.append(triangle)
         first += len(points)
-    count = sum(len(t) for t in triangles)
-    body = np.concatenate(vertices).tobytes() + np.concatenate(triangles).tobytes()
-    return Output(_header(first, count).encode("ascii") + body)
+    return np.concatenate(vertices), np.concatenate(triangles)
 
 
-def grid_step(model: Model) -> float:
-    """Distance in m between the vertices of textured faces: FINEST_STEP, coarser above MOST_VERTICES."""
+def grid_step(model: Model, max_triangles: int | None = None) -> float:
+    """Distance in m between the vertices of textured faces: FINEST_STEP, coarser above MOST_VERTICES.
+
+    Also coarser where there would be about more than `max_triangles`, of which every grid cell has two.
+    """
+    most = MOST_VERTICES if max_triangles is None else min(MOST_VERTICES, max(max_triangles // 2, 1))
     area = 0.0
     for face in model.faces:
         if face.texture is not None:
             a, b, c = np.moveaxis(face.vertices[face.triangles], 1, 0)
             area += float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
-    return max(FINEST_STEP, float(np.sqrt(area / MOST_VERTICES)))
+    return max(FINEST_STEP, float(np.sqrt(area / most)))
 
 
 def cut_by_grid(face: Face, step: float) -> tuple[Array, NDArray[np.int64]]:

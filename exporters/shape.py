@@ -1,22 +1,99 @@
-"""Faces of a model as the mesh formats want them."""
+"""Faces of a model as the mesh formats want them: by room, with what is known of each."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from recon.geometry import Array
-from recon.model import Face, FaceKind, Model, Wall
+from recon.holes import rooms_before
+from recon.model import Face, Model, Opening, Room, Wall
 
-GROUPS: dict[FaceKind, str] = {"wall": "walls", "floor": "floors", "ceiling": "ceilings"}
-"""Name of the group that holds the faces of a kind, in the order in which they are written."""
+ROOMLESS = "other"
+"""Name of the group of faces that lie in no room."""
 
 
-def grouped(model: Model) -> dict[str, list[Face]]:
-    """Faces by group name, in the order of the model; groups without a face are left out."""
-    groups = {name: [f for f in model.faces if f.kind == kind] for kind, name in GROUPS.items()}
-    return {name: faces for name, faces in groups.items() if faces}
+@dataclass(frozen=True)
+class Group:
+    """Faces of one room, or of none. name: `room_000` or ROOMLESS.
+
+    openings: the faces of every opening in the room's walls, by a name like `opening_003`.
+    """
+
+    name: str
+    room: Room | None
+    faces: tuple[Face, ...]
+    openings: dict[str, tuple[Face, ...]]
+
+    @property
+    def all_faces(self) -> tuple[Face, ...]:
+        """Floor, ceiling, walls and then the faces of openings."""
+        return self.faces + tuple(face for faces in self.openings.values() for face in faces)
+
+
+class Structure:
+    """Rooms of a model and the faces in each; a wall belongs to the room before it, an opening to its wall's room."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._before = rooms_before(model.layout)
+        self._walls = {wall.id: wall for wall in model.layout.walls}
+        self._rooms = {room.id: room for room in model.layout.rooms}
+        self._openings = {opening.id: opening for opening in model.layout.openings}
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Rooms in the order of the layout, then what lies in none; groups without a face are left out."""
+        by_room: dict[int | None, list[Face]] = {room.id: [] for room in self.model.layout.rooms} | {None: []}
+        for face in self.model.faces:
+            room = self.room(face)
+            by_room[None if room is None else room.id].append(face)
+        return tuple(self._group(number, faces) for number, faces in by_room.items() if faces)
+
+    def faces(self) -> list[Face]:
+        """All faces, group by group."""
+        return [face for group in self.groups for face in group.all_faces]
+
+    def room(self, face: Face) -> Room | None:
+        """The room that a face is seen from."""
+        if face.kind in ("floor", "ceiling"):
+            return self._rooms.get(face.ref)
+        return self._before.get(face.ref)
+
+    def facts(self, face: Face) -> dict[str, Any]:
+        """What is known of a face beyond its shape, for formats that carry such values; numbers are finite."""
+        facts: dict[str, Any] = {"kind": face.kind, "id": int(face.ref if face.opening is None else face.opening)}
+        room = self.room(face)
+        if room is not None:
+            facts |= {"room": room.name, "room_id": int(room.id)}
+        if face.texture is not None:
+            facts |= {"metres_per_texel": float(face.metres_per_texel), "seen_fraction": float(face.seen_fraction)}
+        if face.kind not in ("floor", "ceiling") and face.ref in self._walls:
+            facts |= _wall_facts(self._walls[face.ref])
+        if face.opening in self._openings:
+            facts |= _opening_facts(self._openings[face.opening])
+        return facts
+
+    def _group(self, number: int | None, faces: list[Face]) -> Group:
+        openings: dict[str, tuple[Face, ...]] = {}
+        for face in (f for f in faces if f.opening is not None):
+            name = f"opening_{face.opening:03d}"
+            openings[name] = (*openings.get(name, ()), face)
+        order = {"floor": 0, "ceiling": 1}
+        plain = sorted((f for f in faces if f.opening is None), key=lambda f: order.get(f.kind, 2))
+        if number is None:
+            return Group(ROOMLESS, None, tuple(plain), openings)
+        return Group(f"room_{number:03d}", self._rooms[number], tuple(plain), openings)
+
+
+def room_facts(room: Room) -> dict[str, Any]:
+    """What is known of a room, as `Structure.facts`."""
+    facts = {"kind": "room", "id": int(room.id), "room": room.name, "area": round(room.area, 6)}
+    height = {"ceiling_height": room.ceiling_height, "sigma_ceiling": room.sigma_ceiling}
+    return facts | {name: float(value) for name, value in height.items() if value is not None}
 
 
 def face_normal(face: Face) -> Array:
@@ -31,16 +108,13 @@ def y_up(points: Array) -> Array:
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
-def face_facts(model: Model, face: Face) -> dict[str, Any]:
-    """What is known of a face beyond its shape, for formats that carry such values; numbers are finite."""
-    facts: dict[str, Any] = {"kind": face.kind, "id": int(face.ref)}
-    if face.texture is not None:
-        facts |= {"metres_per_texel": float(face.metres_per_texel), "seen_fraction": float(face.seen_fraction)}
-    wall = next((w for w in model.layout.walls if w.id == face.ref), None) if face.kind == "wall" else None
-    return facts | (_wall_facts(wall) if wall else {})
-
-
 def _wall_facts(wall: Wall) -> dict[str, Any]:
-    facts = {"sigma_offset": wall.sigma_offset, "sigma_angle": wall.sigma_angle}
-    known = {k: float(v) for k, v in facts.items() if np.isfinite(v)}
-    return known | {"source": wall.source, "observations": int(wall.observations)}
+    facts = {"sigma_offset": wall.sigma_offset, "sigma_angle": wall.sigma_angle, "thickness": wall.thickness}
+    known = {k: float(v) for k, v in facts.items() if v is not None and np.isfinite(v)}
+    return {"wall": int(wall.id)} | known | {"source": wall.source, "observations": int(wall.observations)}
+
+
+def _opening_facts(opening: Opening) -> dict[str, Any]:
+    facts = {"top": opening.top, "sigma_top": opening.sigma_top, "depth": opening.depth}
+    known = {k: float(v) for k, v in facts.items() if v is not None and np.isfinite(v)}
+    return {"opening": opening.type, "open": int(opening.is_hole)} | known

@@ -1,4 +1,4 @@
-"""USD: .usd and .usdc (binary), .usda (text), .usdz (one package with its textures); metres, Z up."""
+"""USD: .usd and .usdc (binary), .usda (text), .usdz (one package with its textures); metres, Z up or Y up."""
 
 from __future__ import annotations
 
@@ -6,43 +6,75 @@ import io
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-import recon
+from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
-from recon.exporters.pictures import linear_rgb, mean_colour, texture_files, texture_path
-from recon.exporters.shape import face_facts, face_normal, grouped
-from recon.model import NEUTRAL_COLOURS, Face, Model
+from recon.exporters.pictures import texture_files
+from recon.exporters.usd_stage import Part, build_stage, prim_name
+from recon.model import Model
+from recon.storeys import Building, one_storey
 
 if TYPE_CHECKING:
-    from pxr import Sdf, Usd, UsdShade
+    from pxr import Usd
 
-ROOT = "/building"
-ROUGHNESS = 0.9
 USDZ_ALIGNMENT = 64
 _LOCAL_HEADER, _EXTRA_HEADER = 30, 4  # bytes, of a zip archive's entry and of its extra field
 _PADDING_FIELD = 0x1986  # id of the extra field that OpenUSD's own packages are padded with
 
 
-def write_usdc(model: Model, stem: str) -> Output:
+def write_usdc(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """Binary USD, textures beside it in `<stem>.textures`."""
-    folder = f"{stem}.textures"
-    return Output(_crate(_stage(model, folder)), texture_files(model, folder))
+    return write_building_usdc(one_storey(model), stem, options)
 
 
-def write_usda(model: Model, stem: str) -> Output:
+def write_usda(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """Text USD, textures beside it in `<stem>.textures`."""
-    folder = f"{stem}.textures"
-    stage = _stage(model, folder)  # held here: its layer dies with it
-    return Output(stage.GetRootLayer().ExportToString().encode(), texture_files(model, folder))
+    return write_building_usda(one_storey(model), stem, options)
 
 
-def write_usdz(model: Model, stem: str) -> Output:
+def write_usdz(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """A package of a binary layer and its textures: stored, every file at a multiple of 64 bytes."""
-    files = {"model.usdc": _crate(_stage(model, "textures"))} | texture_files(model, "textures")
-    return Output(_package(files))
+    return write_building_usdz(one_storey(model), stem, options)
+
+
+def write_building_usdc(building: Building, stem: str, options: ExportOptions = DEFAULTS) -> Output:
+    """Binary USD of all storeys, textures beside it in `<stem>.textures`, by storey where there are several."""
+    parts = _parts(building, f"{stem}.textures")
+    return Output(_crate(build_stage(building.name, parts, options)), _pictures(parts, options))
+
+
+def write_building_usda(building: Building, stem: str, options: ExportOptions = DEFAULTS) -> Output:
+    """Text USD of all storeys, textures as `write_building_usdc`."""
+    parts = _parts(building, f"{stem}.textures")
+    stage = build_stage(building.name, parts, options)  # held here: its layer dies with it
+    return Output(stage.GetRootLayer().ExportToString().encode(), _pictures(parts, options))
+
+
+def write_building_usdz(building: Building, stem: str, options: ExportOptions = DEFAULTS) -> Output:
+    """All storeys in one package, as `write_usdz`."""
+    parts = _parts(building, "textures")
+    files = {"model.usdc": _crate(build_stage(building.name, parts, options))}
+    return Output(_package(files | _pictures(parts, options)))
+
+
+def _parts(building: Building, folder: str) -> list[Part]:
+    """One part a storey; that of a building with one storey has no name, and its textures no folder of their own."""
+    if len(building.storeys) == 1:
+        storey = building.storeys[0]
+        return [Part("", storey.name, storey.elevation, storey.model, folder)]
+    parts: list[Part] = []
+    for storey in building.storeys:
+        name = prim_name(storey.name, {part.name for part in parts})
+        parts.append(Part(name, storey.name, storey.elevation, storey.model, f"{folder}/{name}"))
+    return parts
+
+
+def _pictures(parts: list[Part], options: ExportOptions) -> dict[str, bytes]:
+    files: dict[str, bytes] = {}
+    for part in parts:
+        files |= texture_files(part.model, part.textures, options.texture_format)
+    return files
 
 
 def _crate(stage: Usd.Stage) -> bytes:
@@ -64,119 +96,3 @@ def _package(files: dict[str, bytes]) -> bytes:
             info.extra = _PADDING_FIELD.to_bytes(2, "little") + padding.to_bytes(2, "little") + bytes(padding)
             archive.writestr(info, content)
     return buffer.getvalue()
-
-
-def _stage(model: Model, textures: str) -> Usd.Stage:
-    """The scene: /building/{walls,floors,ceilings}/NAME and /building/materials; textures at `./textures/`."""
-    from pxr import Kind, Sdf, Usd, UsdGeom
-
-    stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.meters)
-    root = UsdGeom.Xform.Define(stage, ROOT).GetPrim()
-    stage.SetDefaultPrim(root)
-    Usd.ModelAPI(root).SetKind(Kind.Tokens.component)
-    Usd.ModelAPI(root).SetAssetName(model.name)
-    root.SetDisplayName(model.name)
-    layer = stage.GetRootLayer()
-    layer.documentation = "\n".join([model.name, *model.notes])
-    layer.customLayerData = {"creator": f"recon {recon.__version__}"}
-    materials = UsdGeom.Scope.Define(stage, f"{ROOT}/materials").GetPath()
-    for group, faces in grouped(model).items():
-        UsdGeom.Xform.Define(stage, f"{ROOT}/{group}")
-        for face in faces:
-            path = Sdf.Path(f"{ROOT}/{group}/{face.name}")
-            mesh = _define_mesh(stage, path, face)
-            _bind(mesh, _define_material(stage, materials, face, textures))
-            _describe(mesh.GetPrim(), face_facts(model, face))
-    boxes = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [UsdGeom.Tokens.default_])
-    if model.faces:
-        UsdGeom.ModelAPI.Apply(root).SetExtentsHint(UsdGeom.ModelAPI(root).ComputeExtentsHint(boxes))
-    return stage
-
-
-def _define_mesh(stage: Usd.Stage, path: Sdf.Path, face: Face) -> Any:
-    from pxr import Kind, Usd, UsdGeom, Vt
-
-    mesh = UsdGeom.Mesh.Define(stage, path)
-    Usd.ModelAPI(mesh.GetPrim()).SetKind(Kind.Tokens.subcomponent)
-    points = Vt.Vec3fArray.FromNumpy(face.vertices.astype(np.float32))
-    mesh.CreatePointsAttr(points)
-    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(face.triangles), 3, np.int32)))
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(face.triangles.astype(np.int32).reshape(-1)))
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
-    # One-sided: from outside one looks through a wall into the room, as in a doll's house.
-    mesh.CreateDoubleSidedAttr(False)
-    normals = np.broadcast_to(face_normal(face), face.vertices.shape).astype(np.float32)
-    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(normals)))
-    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    colour = linear_rgb(mean_colour(face)).astype(np.float32)
-    mesh.CreateDisplayColorAttr(Vt.Vec3fArray.FromNumpy(colour[None]))
-    _define_st(mesh, face)
-    return mesh
-
-
-def _define_st(mesh: Any, face: Face) -> None:
-    from pxr import Sdf, UsdGeom, Vt
-
-    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
-    st.Set(Vt.Vec2fArray.FromNumpy(face.uv.astype(np.float32)))
-
-
-def _define_material(stage: Usd.Stage, parent: Sdf.Path, face: Face, textures: str) -> UsdShade.Material:
-    """A UsdPreviewSurface: the face's texture, or the shared neutral colour of its kind."""
-    from pxr import Gf, Sdf, UsdShade
-
-    path = parent.AppendChild(face.name if face.texture is not None else f"neutral_{face.kind}")
-    material = UsdShade.Material.Get(stage, path)
-    if material:
-        return material
-    material = UsdShade.Material.Define(stage, path)
-    surface = UsdShade.Shader.Define(stage, path.AppendChild("surface"))
-    surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(ROUGHNESS)
-    surface.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
-    diffuse = surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
-    if face.texture is None:
-        diffuse.Set(Gf.Vec3f(*linear_rgb(NEUTRAL_COLOURS[face.kind]).tolist()))
-    else:
-        diffuse.ConnectToSource(_define_texture(stage, path, f"./{texture_path(face, textures)}"))
-    output = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
-    material.CreateSurfaceOutput().ConnectToSource(output)
-    return material
-
-
-def _define_texture(stage: Usd.Stage, material: Sdf.Path, file: str) -> UsdShade.Output:
-    """A UsdUVTexture that reads `file` at primvars:st; its rgb output."""
-    from pxr import Sdf, UsdShade
-
-    reader = UsdShade.Shader.Define(stage, material.AppendChild("st"))
-    reader.CreateIdAttr("UsdPrimvarReader_float2")
-    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
-    texture = UsdShade.Shader.Define(stage, material.AppendChild("texture"))
-    texture.CreateIdAttr("UsdUVTexture")
-    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
-    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
-    for wrap in ("wrapS", "wrapT"):
-        texture.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("clamp")
-    st = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
-    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(st)
-    return texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
-
-
-def _bind(mesh: Any, material: UsdShade.Material) -> None:
-    from pxr import UsdShade
-
-    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
-
-
-def _describe(prim: Usd.Prim, facts: dict[str, Any]) -> None:
-    """What is known of the face as `userProperties:` attributes, which viewers show and Blender imports."""
-    from pxr import Sdf
-
-    types = {str: Sdf.ValueTypeNames.String, int: Sdf.ValueTypeNames.Int, float: Sdf.ValueTypeNames.Double}
-    for key, value in facts.items():
-        attribute = prim.CreateAttribute(f"userProperties:{key}", types[type(value)], custom=True)
-        attribute.Set(value)

@@ -36,7 +36,7 @@ def render_dollhouse(model: Model, size: tuple[int, int] = (1600, 1000)) -> NDAr
     walls are drawn DRAWN_THICKNESS thick (`recon.plan`), which is not measured.
     """
     view = _best_view(model)
-    visible = [f for f in model.faces if f.kind != "ceiling" and f.normal @ view < -1e-6]
+    visible = _toward(model, view)
     solids = _solids(model, {f.ref for f in visible if f.kind == "wall"}, view)
     faces = (*visible, *solids)
     right, up = _image_axes(view)
@@ -62,6 +62,13 @@ def render_dollhouse(model: Model, size: tuple[int, int] = (1600, 1000)) -> NDAr
     canvas = _shadowed_ground(model.layout, size, pixels_of, pixel)
     picture = TexturedScene(faces, pixel_size=pixel, shades=shades).render(rays, canvas)
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def _toward(model: Model, view: Array) -> list[Face]:
+    """Faces turned to the viewer but for ceilings; of openings only those in walls that are turned so."""
+    turned = [f for f in model.faces if f.kind != "ceiling" and f.normal @ view < -1e-6]
+    walls = {f.ref for f in turned if f.kind == "wall"}
+    return [f for f in turned if f.opening is None or f.kind == "threshold" or f.ref in walls]
 
 
 def _best_view(model: Model) -> Array:

@@ -1,4 +1,4 @@
-"""The layout in 3D: walls extruded, floors and ceilings cut into triangles."""
+"""The layout in 3D: walls extruded, openings cut out and lined, floors and ceilings cut into triangles."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.corners import Corners, with_points
 from recon.geometry import Array
-from recon.model import Face, Layout, Opening, Room, Wall
+from recon.holes import DECIMALS, Hole, holes_of, room_height, wall_heights
+from recon.model import Face, FaceKind, Layout, Room, Wall
+from recon.reveals import reveals
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -22,16 +25,35 @@ GRIDS = (0.0, 1e-6, 1e-4, 1e-3)
 
 
 def extrude(layout: Layout) -> tuple[Face, ...]:
-    """Faces without textures, map frame: one a wall (by order in the layout), then floor and ceiling of every room.
+    """Faces without textures, map frame: walls (by order in the layout), floors and ceilings, the sides of openings.
 
     Triangles are counter-clockwise seen from the free space. A wall's picture is what a viewer who faces it sees: u
-    runs from its end (on the left) to its start, v up. Passages and open doors are holes in their wall; closed doors
-    and windows are not. In the picture of a floor or ceiling u runs along the narrowest enclosing rectangle. uv covers
-    [0, 1] x [0, 1] and is proportional to metres. Walls are as high as the ceiling of the room that they face.
+    runs from its end (on the left) to its start, v up. Openings are holes in their wall, lined and, where they are
+    closed, filled by faces of their own (`recon.reveals`). In the picture of a floor or ceiling u runs along the
+    narrowest enclosing rectangle. uv covers [0, 1] x [0, 1] and is proportional to metres. Walls are as high as the
+    ceiling of the room that they face.
+
+    Faces that meet share corners and edges, to the last bit: a room is watertight where its walls and doors are closed.
     """
-    walls = (_wall_face(layout, wall) for wall in layout.walls if wall.length > SMALLEST)
-    flats = (_flat_face(layout, room, kind) for room in layout.rooms for kind in ("floor", "ceiling"))
-    return tuple(face for face in (*walls, *flats) if len(face.triangles))
+    heights, holes = wall_heights(layout), holes_of(layout)
+    by_wall: dict[int, list[Hole]] = {}
+    for hole in holes:
+        by_wall.setdefault(hole.wall.id, []).append(hole)
+    walls = [wall for wall in layout.walls if wall.length > SMALLEST]
+    ends = [np.array([wall.start, wall.end]) for wall in walls] + [room.polygon for room in layout.rooms]
+    corners = Corners(ends)
+    grounds = Corners(ends + _ends([hole for hole in holes if hole.bottom <= 0.0]))
+    tops = Corners(ends + _ends([hole for hole in holes if hole.top >= heights[hole.wall.id]]))
+    faces = [_wall_face(wall, heights[wall.id], by_wall.get(wall.id, []), corners) for wall in walls]
+    for room in layout.rooms:
+        height = room_height(layout, room)
+        faces += [_flat_face(room, height, "floor", grounds), _flat_face(room, height, "ceiling", tops)]
+    return tuple(face for face in (*faces, *reveals(holes)) if len(face.triangles))
+
+
+def _ends(holes: list[Hole]) -> list[Array]:
+    """The ground points below both sides of holes, in one array or none."""
+    return [np.array([hole.ground(x) for hole in holes for x in (hole.left, hole.right)])] if holes else []
 
 
 def triangulate(polygon: Polygon) -> tuple[Array, Triangles]:
@@ -67,11 +89,6 @@ def _corners(polygon: Polygon) -> list[Array]:
     return []
 
 
-def room_height(layout: Layout, room: Room) -> float:
-    """Height of a room's ceiling, m: its own, else the layout's."""
-    return layout.extrusion_height if room.ceiling_height is None else room.ceiling_height
-
-
 def _polygons(shape: Any) -> Iterable[Polygon]:
     """The polygons of a shapely geometry of any type."""
     if shape.geom_type == "Polygon":
@@ -79,61 +96,37 @@ def _polygons(shape: Any) -> Iterable[Polygon]:
     return [part for part in getattr(shape, "geoms", ()) if part.geom_type == "Polygon"]
 
 
-def _wall_face(layout: Layout, wall: Wall) -> Face:
+def _wall_face(wall: Wall, height: float, holes: list[Hole], corners: Corners) -> Face:
     from shapely.geometry import Polygon, box
 
-    height = _wall_height(layout, wall)
-    holes = [_hole(wall, o) for o in layout.openings if o.wall == wall.id and o.is_hole]
-    if holes:
-        shape: Any = Polygon([(0, 0), (wall.length, 0), (wall.length, height), (0, height)])
-        for hole in holes:
-            shape = shape.difference(box(*hole))
-        flat, triangles = triangulate(shape)
-    else:
-        flat = np.array([[0, 0], [wall.length, 0], [wall.length, height], [0, height]])
-        triangles = np.array([[0, 1, 2], [0, 2, 3]])
-    ground = wall.end - flat[:, :1] * wall.direction
-    vertices = np.column_stack([ground, flat[:, 1]])
+    shape: Any = Polygon([(0, 0), (wall.length, 0), (wall.length, height), (0, height)])
+    for hole in holes:
+        shape = shape.difference(box(hole.left, hole.bottom, hole.right, hole.top))
+    met = (wall.end - corners.on(wall.start, wall.end)) @ wall.direction
+    met = np.concatenate([np.column_stack([met, np.full(len(met), z)]) for z in (0.0, height)])
+    flat, triangles = triangulate(with_points(shape, met))
+    ground = corners.snapped(wall.end - flat[:, :1] * wall.direction)
+    vertices = np.column_stack([ground, flat[:, 1].round(DECIMALS)])
     uv = flat / np.array([wall.length, height])
     return Face(f"wall_{wall.id:03d}", "wall", wall.id, vertices, triangles, uv)
 
 
-def _hole(wall: Wall, opening: Opening) -> tuple[float, float, float, float]:
-    """(left, bottom, right, top) of an opening on the wall as seen from inside, m from its end and above the floor."""
-    left, right = sorted(float((wall.end - p) @ wall.direction) for p in (opening.start, opening.end))
-    return max(left, 0.0), max(opening.bottom, 0.0), min(right, wall.length), opening.top
-
-
-def _wall_height(layout: Layout, wall: Wall) -> float:
-    """Height of the room in front of the middle of the wall."""
-    from shapely.geometry import Point, Polygon
-
-    if all(room.ceiling_height is None for room in layout.rooms):
-        return layout.extrusion_height
-    front = Point(0.5 * (wall.start + wall.end) + 0.05 * wall.normal)
-    for room in layout.rooms:
-        if Polygon(room.polygon).contains(front):
-            return room_height(layout, room)
-    return layout.extrusion_height
-
-
-def _flat_face(layout: Layout, room: Room, kind: str) -> Face:
+def _flat_face(room: Room, height: float, kind: FaceKind, corners: Corners) -> Face:
     """Floor (normal up) or ceiling (normal down) of a room."""
     from shapely.geometry import Polygon
 
-    flat, triangles = triangulate(Polygon(room.polygon))
+    around = Polygon(room.polygon)
+    flat, triangles = triangulate(with_points(around, corners.around(around)))
     up = kind == "floor"
-    z = 0.0 if up else room_height(layout, room)
     right = _principal_direction(room.polygon)
     back = np.array([-right[1], right[0]]) * (1.0 if up else -1.0)
     along = flat @ np.stack([right, back], axis=1)
     low, high = (along.min(axis=0), along.max(axis=0)) if len(flat) else (np.zeros(2), np.ones(2))
     uv = (along - low) / np.maximum(high - low, SMALLEST)
-    vertices = np.column_stack([flat, np.full(len(flat), z)])
+    vertices = np.column_stack([corners.snapped(flat), np.full(len(flat), 0.0 if up else height)])
     if not up:
         triangles = triangles[:, ::-1]
-    name = f"{kind}_{room.id:03d}"
-    return Face(name, "floor" if up else "ceiling", room.id, vertices, np.ascontiguousarray(triangles), uv)
+    return Face(f"{kind}_{room.id:03d}", kind, room.id, vertices, np.ascontiguousarray(triangles), uv)
 
 
 def _principal_direction(polygon: Array) -> Array:

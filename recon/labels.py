@@ -88,7 +88,7 @@ def label_colour(value: int) -> tuple[int, int, int]:
 
 
 def _value(face: Face) -> int:
-    return {"floor": FLOOR, "ceiling": CEILING}.get(face.kind, FIRST_WALL + face.ref)
+    return {"floor": FLOOR, "threshold": FLOOR, "ceiling": CEILING}.get(face.kind, FIRST_WALL + face.ref)
 
 
 def _ticks(size: int) -> NDArray[np.int64]:

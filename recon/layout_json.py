@@ -112,6 +112,7 @@ def _opening_to_json(opening: Opening) -> dict[str, Any]:
     start, end = _points(np.stack([opening.start, opening.end]))
     extent = {"start": start, "end": end, "bottom": _rounded(opening.bottom), "top": _rounded(opening.top)}
     more = {"sigma_top": _rounded(opening.sigma_top)} | ({"open": True} if opening.open else {})
+    more |= {} if opening.depth is None else {"depth": _rounded(opening.depth)}
     return {"id": int(opening.id), "type": opening.type, "wall": int(opening.wall), **extent, **more}
 
 
@@ -268,6 +269,7 @@ class _Reader:
             top=self.number(data, "top", place),
             open=self.flag(data, "open", place),
             sigma_top=self.optional(data, "sigma_top", place),
+            depth=self.optional(data, "depth", place),
         )
 
     def object(self, value: Any, place: str) -> FloorObject:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Source = Literal["lidar", "image", "inferred"]
 OpeningType = Literal["door", "passage", "window"]
-FaceKind = Literal["wall", "floor", "ceiling"]
+FaceKind = Literal["wall", "floor", "ceiling", "reveal", "threshold", "door", "window"]
 
 DEFAULT_CEILING_HEIGHT = 2.6
 """m; what exports extrude walls to when no image shows the ceiling (`LayoutConfig.default_ceiling_height`)."""
@@ -92,7 +92,8 @@ class Opening:
     """A door (leaf), passage (no leaf) or window (glass) in wall `wall`; heights above the floor in m.
 
     `open`: a door whose leaf stands open. One looks through it, as through a passage (`is_hole`). sigma_top: one
-    standard deviation of `top`, None where no image shows it and `top` is assumed.
+    standard deviation of `top`, None where no image shows it and `top` is assumed. depth: m from the face of the wall
+    back to the leaf or glass, None where nothing has measured it.
     """
 
     id: int
@@ -104,6 +105,7 @@ class Opening:
     top: float
     open: bool = False
     sigma_top: float | None = None
+    depth: float | None = None
 
     @property
     def is_hole(self) -> bool:
@@ -178,11 +180,14 @@ class Layout:
 class Face:
     """One flat, textured face of the model in the map frame.
 
-    name: `wall_003`, `floor_000`, `ceiling_000`: unique, the number is the wall's or room's id.
+    name: `wall_003`, `floor_000`, `ceiling_000`: unique, the number is the wall's or room's id (`ref`). Sides of openings
+    (`reveal_005_left`, `threshold_005`), leaves (`door_005`) and glass (`window_005`) are numbered by the opening
+    (`opening`); their `ref` is its wall.
     vertices: (V, 3), m. triangles: (T, 3) int indices, counter-clockwise seen from the free space.
     uv: (V, 2) in [0, 1], u to the right and v UP (OpenGL, glTF flips): (0, 0) is the lower left corner of the picture.
     texture: (H, W, 3) uint8 RGB, row 0 is the top, or None: a clean neutral material (`neutral_colour`).
     seen_fraction: share of texels that an image saw, the rest was filled.
+    sources: (H, W) int32, index of the image that most of a texel is from, -1 where it was filled (`filled`).
     """
 
     name: str
@@ -194,6 +199,13 @@ class Face:
     texture: NDArray[np.uint8] | None = None
     metres_per_texel: float = 0.0
     seen_fraction: float = 0.0
+    sources: NDArray[np.int32] | None = field(default=None, kw_only=True)
+    opening: int | None = None
+
+    @property
+    def filled(self) -> NDArray[np.bool_] | None:
+        """(H, W) texels that no image saw."""
+        return None if self.sources is None else self.sources < 0
 
     @property
     def normal(self) -> Array:
@@ -207,6 +219,10 @@ NEUTRAL_COLOURS: dict[FaceKind, tuple[int, int, int]] = {
     "wall": (222, 219, 212),
     "floor": (150, 146, 138),
     "ceiling": (240, 240, 238),
+    "reveal": (214, 211, 204),
+    "threshold": (150, 146, 138),
+    "door": (176, 138, 98),
+    "window": (196, 212, 220),
 }
 """RGB of faces without a texture."""
 

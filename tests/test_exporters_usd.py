@@ -12,6 +12,7 @@ from pxr import Kind, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
 from two_rooms import HEIGHT, QUADRANTS, corner, two_rooms
 
 from recon.exporters import export
+from recon.model import Face
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -22,6 +23,12 @@ def complaints(path: Path) -> list[str]:
     assert len(validators) >= 20
     errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(path)))
     return [f"{error.GetName()}: {error.GetMessage()}" for error in errors]
+
+
+def room_of(face: Face) -> str:
+    """Of `two_rooms`: walls 0 to 5 are those of the first room."""
+    first = face.ref == 0 if face.kind in ("floor", "ceiling") else face.ref < 6
+    return "room_000" if first else "room_001"
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -52,7 +59,7 @@ def test_metres_z_up_names_and_hierarchy(suffix: str, tmp_path: Path) -> None:
     assert (root.GetPath(), root.GetDisplayName()) == ("/building", model.name)
     assert Usd.ModelAPI(root).GetKind() == Kind.Tokens.component
     for face in model.faces:
-        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/building/{face.kind}s/{face.name}"))
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/building/{room_of(face)}/{face.name}"))
         np.testing.assert_allclose(np.array(mesh.GetPointsAttr().Get()), face.vertices, atol=1e-6)
         extent = np.array(mesh.GetExtentAttr().Get())
         np.testing.assert_allclose(extent, [face.vertices.min(axis=0), face.vertices.max(axis=0)], atol=1e-6)
@@ -65,7 +72,7 @@ def test_metres_z_up_names_and_hierarchy(suffix: str, tmp_path: Path) -> None:
 def test_walls_carry_their_accuracy(tmp_path: Path) -> None:
     export(two_rooms(), tmp_path / "model.usda")
     stage = Usd.Stage.Open(str(tmp_path / "model.usda"))
-    prim = stage.GetPrimAtPath("/building/walls/wall_003")
+    prim = stage.GetPrimAtPath("/building/room_000/wall_003")
     assert prim.GetAttribute("userProperties:sigma_offset").Get() == pytest.approx(0.013)
     assert prim.GetAttribute("userProperties:source").Get() == "lidar"
 
@@ -84,7 +91,7 @@ def test_textures_lie_on_the_right_corners(suffix: str, tmp_path: Path) -> None:
     export(model, path)
     stage = Usd.Stage.Open(str(path))
     for face in (f for f in model.faces if f.kind == "wall" and f.texture is not None):
-        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/building/walls/{face.name}"))
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/building/{room_of(face)}/{face.name}"))
         resolved = texture_path(mesh)
         if suffix == ".usdz":
             package, inside = resolved[:-1].split("[")
@@ -123,5 +130,5 @@ def test_faces_without_a_texture_share_clean_materials(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(tmp_path / "model.usda"))
     names = {prim.GetName() for prim in stage.GetPrimAtPath("/building/materials").GetChildren()}
     assert names == {"neutral_wall", "neutral_floor", "neutral_ceiling"}
-    wall = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/building/walls/wall_000"))
+    wall = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/building/room_000/wall_000"))
     assert wall.ComputeBoundMaterial()[0].GetPath() == "/building/materials/neutral_wall"

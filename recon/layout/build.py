@@ -15,6 +15,7 @@ from recon.graph.estimate import MapEstimate
 from recon.layout.blocks import without_blocks
 from recon.layout.cells import Cells, cut_plane
 from recon.layout.clutter import is_sure, with_returns, without_clutter
+from recon.layout.depths import with_depths
 from recon.layout.dimensions import with_dimensions
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
@@ -64,7 +65,7 @@ def build_layout(
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
     walls, owner, rooms = _walls_and_rooms(cells, lines, space, visited, path)
-    openings = find_openings(walls, returns, space, path)
+    openings = with_depths(find_openings(walls, returns, space, path), walls, returns)
     walls = with_thickness(walls)
     openings += find_windows(walls, rooms, openings, estimate.trajectory, scans)
     walls = without_openings(walls, openings)

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from recon.labels import OBJECT, LabelRenderer, draw_labels
-from recon.reveals import reveals
 from recon.segmentation.labelling import ObjectFinder
 from recon.sequence.images import load_image
 
@@ -29,7 +28,7 @@ def write_overlays(build: Build, folder: Path) -> None:
     (folder / "overlays").mkdir()
     chosen = {posed[i] for i in np.linspace(0, len(posed) - 1, min(OVERLAYS, len(posed))).astype(int)}
     layout = build.model.layout
-    renderer = LabelRenderer(build.model.faces + reveals(layout), camera)
+    renderer = LabelRenderer(build.model.faces, camera)
     finder = ObjectFinder(layout, camera, renderer.scene) if layout.objects else None
     for i in posed:
         pose = build.map_from_camera[i]

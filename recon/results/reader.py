@@ -86,6 +86,7 @@ def _face(folder: Path, item: dict[str, Any]) -> Face:
         texture,
         float(item["metres_per_texel"]),
         float(item["seen_fraction"]),
+        opening=None if item.get("opening") is None else int(item["opening"]),
     )
 
 

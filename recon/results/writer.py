@@ -116,6 +116,7 @@ def _face_to_json(face: Face) -> dict[str, Any]:
         "vertices": face.vertices.tolist(),
         "triangles": face.triangles.tolist(),
         "uv": face.uv.tolist(),
+        **({} if face.opening is None else {"opening": face.opening}),
     }
 
 

@@ -1,0 +1,157 @@
+"""The JSON and the binary buffer of a glTF file, as they grow."""
+
+from __future__ import annotations
+
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+import recon
+from recon.exporters.collision import convex_bodies
+from recon.exporters.lightmap import light_map, own_light_map
+from recon.exporters.options import ExportOptions
+from recon.exporters.pictures import MIME, OPACITY, encode, linear_rgb, texture_path
+from recon.exporters.shape import Group, Structure, face_normal, room_facts, y_up
+from recon.geometry import Array
+from recon.model import NEUTRAL_COLOURS, Face, Model
+
+ROUGHNESS = 0.9
+# Names of the values that the specification gives as numbers.
+FLOAT, UNSIGNED_INT = 5126, 5125
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
+LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
+WEBP = "EXT_texture_webp"
+
+
+class Document:
+    """A node a face, under nodes of its opening and its room, under one root named as the model.
+
+    What is known of a face or room are its node's `extras`; the model's notes those of the root. TEXCOORD_1 are
+    light-map coordinates: one square for all faces, or where the engine makes a map of every mesh, one square a face.
+
+    engine: "godot": names of nodes end in -col, Godot then makes collision shapes. "unreal": convex meshes UCX_NAME_00
+    beside each face. textures: folder of the pictures, None to put them into the binary buffer.
+    """
+
+    def __init__(self, model: Model, options: ExportOptions, textures: str | None = None) -> None:
+        self.model, self.options, self.textures = model, options, textures
+        self.structure = Structure(model)
+        self.binary = bytearray()
+        self.lists: dict[str, list[dict[str, Any]]] = {}
+        self.materials: dict[str, int] = {}
+        faces = self.structure.faces()
+        squares = light_map(faces) if options.engine is None else [own_light_map(face) for face in faces]
+        self.light = {face.name: square for face, square in zip(faces, squares, strict=True)}
+        rooms = [self._group(group) for group in self.structure.groups]
+        root: dict[str, Any] = {"name": model.name} | ({"children": rooms} if rooms else {})
+        if model.notes:
+            root["extras"] = {"notes": list(model.notes)}
+        self.root = self._add("nodes", root)
+
+    def content(self, buffer: dict[str, Any]) -> dict[str, Any]:
+        """The whole JSON; buffer: what is said of the binary buffer beside its length."""
+        webp = [WEBP] if "textures" in self.lists and self.options.texture_format == "webp" else []
+        document: dict[str, Any] = {"asset": {"version": "2.0", "generator": f"recon {recon.__version__}"}}
+        if webp:
+            document |= {"extensionsUsed": webp, "extensionsRequired": webp}
+        document |= {"scene": 0, "scenes": [{"name": self.model.name, "nodes": [self.root]}], **self.lists}
+        if self.binary:
+            document["buffers"] = [{"byteLength": len(self.binary)} | buffer]
+        return document
+
+    def _add(self, kind: str, item: dict[str, Any]) -> int:
+        items = self.lists.setdefault(kind, [])
+        items.append(item)
+        return len(items) - 1
+
+    def _group(self, group: Group) -> int:
+        children = [node for face in group.faces for node in self._nodes(face)]
+        for name, faces in group.openings.items():
+            parts = [node for face in faces for node in self._nodes(face)]
+            children.append(self._add("nodes", {"name": name, "children": parts}))
+        node: dict[str, Any] = {"name": group.name, "children": children}
+        return self._add("nodes", node | ({"extras": room_facts(group.room)} if group.room else {}))
+
+    def _nodes(self, face: Face) -> list[int]:
+        """The face and, where the engine wants them, its collision bodies."""
+        name = f"{face.name}-col" if self.options.engine == "godot" else face.name
+        mesh = self._add("meshes", {"name": face.name, "primitives": [self._primitive(face)]})
+        found = [self._add("nodes", {"name": name, "mesh": mesh, "extras": self.structure.facts(face)})]
+        if self.options.engine == "unreal":
+            for k, (vertices, triangles) in enumerate(convex_bodies(face)):
+                attributes = {"POSITION": self._accessor(y_up(vertices).astype("<f4"), "VEC3")}
+                body = {"attributes": attributes, "indices": self._indices(triangles)}
+                title = f"UCX_{face.name}_{k:02d}"
+                found.append(self._add("nodes", {"name": title, "mesh": self._mesh(title, body)}))
+        return found
+
+    def _mesh(self, name: str, primitive: dict[str, Any]) -> int:
+        return self._add("meshes", {"name": name, "primitives": [primitive]})
+
+    def _primitive(self, face: Face) -> dict[str, Any]:
+        positions = y_up(face.vertices).astype("<f4")
+        normals = np.broadcast_to(y_up(face_normal(face)), positions.shape).astype("<f4")
+        attributes = {"POSITION": self._accessor(positions, "VEC3"), "NORMAL": self._accessor(normals, "VEC3")}
+        # Numbered from 0 without a gap, so faces without a texture have the first pair, too.
+        attributes["TEXCOORD_0"] = self._accessor(_downward(face.uv), "VEC2")
+        attributes["TEXCOORD_1"] = self._accessor(_downward(self.light[face.name]), "VEC2")
+        return {"attributes": attributes, "indices": self._indices(face.triangles), "material": self._material(face)}
+
+    def _indices(self, triangles: NDArray[np.int64]) -> int:
+        return self._accessor(triangles.reshape(-1).astype("<u4"), "SCALAR")
+
+    def _accessor(self, values: NDArray[Any], kind: str) -> int:
+        target = ELEMENT_ARRAY_BUFFER if kind == "SCALAR" else ARRAY_BUFFER
+        accessor: dict[str, Any] = {
+            "bufferView": self._view(values.tobytes(), target),
+            "componentType": UNSIGNED_INT if kind == "SCALAR" else FLOAT,
+            "count": len(values),
+            "type": kind,
+        }
+        if kind == "VEC3":
+            accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        return self._add("accessors", accessor)
+
+    def _view(self, data: bytes, target: int | None = None) -> int:
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)}
+        self.binary += data
+        return self._add("bufferViews", view | ({"target": target} if target else {}))
+
+    def _material(self, face: Face) -> int:
+        name = f"neutral_{face.kind}" if face.texture is None else face.name
+        if name not in self.materials:
+            material: dict[str, Any] = {"name": name, "pbrMetallicRoughness": self._surface(face)}
+            if face.texture is None and face.kind in OPACITY:
+                material["alphaMode"] = "BLEND"
+            self.materials[name] = self._add("materials", material)
+        return self.materials[name]
+
+    def _surface(self, face: Face) -> dict[str, Any]:
+        surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
+        if face.texture is None:
+            colour = linear_rgb(NEUTRAL_COLOURS[face.kind]).round(6).tolist()
+            return surface | {"baseColorFactor": [*colour, OPACITY.get(face.kind, 1.0)]}
+        if "samplers" not in self.lists:
+            filters = {"magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR}
+            self._add("samplers", filters | {"wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE})
+        image = self._add("images", {"name": face.name} | self._picture(face))
+        source = {"source": image}
+        texture = {"extensions": {WEBP: source}} if self.options.texture_format == "webp" else source
+        return surface | {
+            "baseColorTexture": {"index": self._add("textures", {"name": face.name, "sampler": 0} | texture)}
+        }
+
+    def _picture(self, face: Face) -> dict[str, Any]:
+        kind = self.options.texture_format
+        if self.textures is not None:
+            return {"uri": quote(texture_path(face, self.textures, kind))}
+        assert face.texture is not None
+        return {"mimeType": MIME[kind], "bufferView": self._view(encode(face.texture, kind))}
+
+
+def _downward(uv: Array) -> NDArray[np.float32]:
+    """glTF's coordinates count down from the top of the picture."""
+    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1).astype("<f4")

@@ -5,14 +5,16 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from recon.cli.mesh_options import mesh_options
 from recon.cli.options import PATH, configuration, examples, resolve_config, topic_choice, verbosity, warn
 
 if TYPE_CHECKING:
     from recon.config import Config
+    from recon.exporters.options import ExportOptions
     from recon.measured import Measured
     from recon.sequence.sequence import Sequence
 
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
     help="CSV of surveyed points: time,x,y,sigma or wall_a,wall_b,x,y,sigma; may be repeated.",
 )
 @configuration
+@mesh_options
 @verbosity
 def build(
     sequence: Path,
@@ -63,6 +66,7 @@ def build(
     config_file: Path | None,
     seed: int | None,
     workers: int | None,
+    meshes: dict[str, Any],
     quiet: bool,
 ) -> None:
     """Builds a textured model of the building from a SEQUENCE: a folder, a ROS bag or a CARMEN log.
@@ -73,6 +77,7 @@ def build(
     from recon.cli.outputs import work_folder
     from recon.control import read_control
     from recon.exporters import check_outputs
+    from recon.exporters.options import ExportOptions
     from recon.measured import Measured
     from recon.sequence.open import open_sequence
     from recon.sequence.topics import Topics
@@ -83,13 +88,14 @@ def build(
     config = resolve_config(config_file, seed, workers)
     if backend is not None:
         config = replace(config, graph=replace(config.graph, backend=backend))
-    check_outputs(list(outputs))
+    options = ExportOptions(**meshes)
+    check_outputs(list(outputs), options)
     folder = work_folder(outputs, work)
     measured = Measured(read_tape(tape) if tape else None, read_control(control) if control else None)
     drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))
     for message in drive.warnings:
         warn(message, quiet)
-    _build(drive, config, measured, folder, outputs, quiet)
+    _build(drive, config, measured, folder, outputs, options, quiet)
 
 
 def _build(
@@ -98,6 +104,7 @@ def _build(
     measured: Measured,
     folder: Path,
     outputs: tuple[Path, ...],
+    options: ExportOptions,
     quiet: bool,
 ) -> None:
     """The work; its imports take seconds and come after everything that is quickly refused."""
@@ -109,13 +116,16 @@ def _build(
 
     progress = terminal_progress(quiet)
     result = build_model(drive, config, progress, measured)
+    said: list[str] = []
     with progress.stage("writing"):
         save_result(result, folder)
         for path in outputs:
-            export(result.model, path)
+            said += export(result.model, path, options)
     for message in result.warnings:
         if message not in drive.warnings:  # those were said at the start
             warn(message, quiet)
+    for message in said:
+        warn(message, quiet)
     clock = () if result.calibration is None else (f"{result.calibration.clock}.",)
     for note in (*result.model.notes, *clock):
         logging.getLogger("recon").info(note)

@@ -42,6 +42,8 @@ WRITERS: dict[str, str] = {
     ".stl": "stl:write_stl",
     ".dxf": "dxf:write_dxf",
     ".svg": "svg:write_svg",
+    ".pdf": "pdf:write_pdf",
+    ".png": "png:write_png",
     ".json": "layout_file:write_json",
 }
 """Suffix (lower case) to writer. To add a format: one module with one `write` function, one line here."""
@@ -49,7 +51,10 @@ WRITERS: dict[str, str] = {
 MESHES: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".obj", ".ply", ".stl"})
 """Suffixes of formats that hold the faces; they come in several levels of detail (`ExportOptions.lod`)."""
 
-WITH_OPTIONS: frozenset[str] = frozenset({*MESHES})
+DRAWINGS: frozenset[str] = frozenset({".dxf", ".svg", ".pdf", ".png"})
+"""Suffixes of plans (`ExportOptions.drawing`)."""
+
+WITH_OPTIONS: frozenset[str] = frozenset({*MESHES, *DRAWINGS})
 """Suffixes whose writers take `ExportOptions` as a third argument."""
 
 BUILDING_WRITERS: dict[str, str] = {
@@ -57,6 +62,7 @@ BUILDING_WRITERS: dict[str, str] = {
     ".usda": "usd:write_building_usda",
     ".usdc": "usd:write_building_usdc",
     ".usdz": "usd:write_building_usdz",
+    ".dxf": "dxf:write_building_dxf",
 }
 """Suffixes of formats that hold several storeys, to their writers of a `Building`."""
 

@@ -1,127 +1,163 @@
-"""DXF: the plan for CAD programs, in metres and map coordinates; layers as the US National CAD Standard names them."""
+"""DXF: the plan for CAD programs: true size in model space, a sheet to scale in paper space."""
 
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from recon.exporters.dxf_entities import Pencil, layer_name
+from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
-from recon.geometry import Array
-from recon.model import Dimension, Layout, Model, OpeningType, Wall
-from recon.plan import drawn_dimensions, label_spot, opening_ends, sigma_text, solid_pieces
+from recon.model import Layout, Model
+from recon.plan.draw import draw_plan
+from recon.plan.drawing import Drawing
+from recon.plan.layers import LAYERS, VIEWPORT
+from recon.plan.lettering import clean
+from recon.plan.options import DrawingOptions, Units
+from recon.plan.quantity import INCH
+from recon.plan.walls import dominant_angle
+from recon.storeys import Building
 
 if TYPE_CHECKING:
-    from ezdxf.document import Drawing
-    from ezdxf.layouts import Modelspace
+    from ezdxf.document import Drawing as Document
 
-METRES = 6  # $INSUNITS
 APPLICATION = "RECON"
-"""Owner of the extended data on walls: name, sigma of the offset (m) and of the direction (rad), source."""
+"""Owner of the extended data on entities: names, standard deviations (m, rad), sources."""
+VERSIONS = {"cad": "R2018", "plain": "R2000"}
+UNITS: dict[Units, tuple[float, int, int, int]] = {"m": (1.0, 6, 1, 2), "mm": (1000.0, 4, 1, 2), "ft": (1 / INCH, 1, 0, 4)}
+"""Drawing units in a metre; $INSUNITS, $MEASUREMENT and $LUNITS."""
+DASH, GAP = 1.6, 1.0
+"""mm on paper."""
+STYLE = "RECON"
+"""Name of the text style and of the dimension style."""
 
-LAYERS: dict[str, tuple[int, int]] = {
-    "A-WALL": (7, 50),
-    "A-WALL-OPNG": (8, 18),
-    "A-DOOR": (30, 25),
-    "A-GLAZ": (4, 25),
-    "A-AREA": (3, 13),
-    "A-AREA-IDEN": (3, 18),
-    "A-FURN": (8, 18),
-    "A-ANNO-NOTE": (8, 18),
-    "A-ANNO-DIMS": (5, 13),
-}
-"""Layer: AutoCAD colour number, line weight in 1/100 mm."""
-OPENING_LAYERS: dict[OpeningType, str] = {"door": "A-DOOR", "passage": "A-WALL-OPNG", "window": "A-GLAZ"}
+Floor = tuple[str, float, Drawing]  # suffix of its layers, elevation in m, drawing
 
 
-def write_dxf(model: Model, stem: str) -> Output:
-    """Walls as lines broken at openings, openings as lines on their own layer, rooms as closed outlines with labels."""
+def write_dxf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
+    """The plan on layers by their standard names."""
+    return Output(_written([("", 0.0, draw_plan(model, options.drawing))], options.drawing))
+
+
+def write_building_dxf(building: Building, stem: str, options: ExportOptions = DEFAULTS) -> Output:
+    """All storeys at their true places, each on layers of its own (`A-WALL-FIRST`) and on a sheet of its own."""
+    walls = tuple(wall for storey in building.storeys for wall in storey.model.layout.walls)
+    angle = dominant_angle(Layout(walls, ()))
+    floors, used = [], set[str]()
+    for storey in building.storeys:
+        suffix = re.sub(r"[^A-Z0-9_]+", "_", clean(storey.name).upper()).strip("_") or "STOREY"
+        while suffix in used:
+            suffix += "_"
+        used.add(suffix)
+        drawing = draw_plan(storey.model, options.drawing, angle)
+        floors.append((f"-{suffix}" if len(building.storeys) > 1 else "", storey.elevation, drawing))
+    return Output(_written(floors, options.drawing))
+
+
+def _written(floors: Sequence[Floor], options: DrawingOptions) -> bytes:
     import ezdxf
 
     fixed = ezdxf.options.write_fixed_meta_data_for_testing
     ezdxf.options.write_fixed_meta_data_for_testing = True  # no time stamps and random ids: same model, same bytes
     try:
-        document = ezdxf.new("R2010", setup=["linetypes"])
-        _set_up(document, model)
-        _draw(document.modelspace(), model)
+        document = ezdxf.new(VERSIONS[options.dxf_profile])
+        _set_up(document, floors, options)
+        for suffix, elevation, drawing in floors:
+            pencil = Pencil(document.modelspace(), options, drawing, suffix, UNITS[options.units][0])
+            for element in drawing.plan:
+                pencil.draw(element, elevation)
+            if options.dxf_profile == "cad":
+                _sheet(document, floors, suffix, drawing, options)
+        if options.dxf_profile == "cad" and len(floors) > 1:
+            document.layouts.delete("Layout1")
         stream = io.StringIO()
         document.write(stream)
     finally:
         ezdxf.options.write_fixed_meta_data_for_testing = fixed
-    return Output(document.encode(stream.getvalue()))
+    return bytes(document.encode(stream.getvalue()))
 
 
-def _set_up(document: Drawing, model: Model) -> None:
-    document.header["$INSUNITS"] = METRES
-    document.header["$MEASUREMENT"] = 1
-    document.header["$LUNITS"] = 2
+def _set_up(document: Document, floors: Sequence[Floor], options: DrawingOptions) -> None:
+    """Units, layers, line type, styles, extents, and the map's axes as a coordinate system `MAP`."""
+    unit, insunits, measurement, lunits = UNITS[options.units]
+    first = floors[0][2]
+    mm = first.scale / 1000 * unit
+    header = document.header
+    header["$INSUNITS"], header["$MEASUREMENT"], header["$LUNITS"] = insunits, measurement, lunits
+    header["$LUPREC"], header["$PSLTSCALE"], header["$DIMSTYLE"] = 3, 0, STYLE
     document.appids.add(APPLICATION)
-    for name, (colour, weight) in LAYERS.items():
-        document.layers.add(name, color=colour, lineweight=weight)
-    document.layers.get("A-WALL-OPNG").dxf.linetype = "DASHED"
-    document.styles.add("RECON", font="arial.ttf")
-    points = _points(model.layout)
-    low, high = points.min(axis=0), points.max(axis=0)
-    document.header["$EXTMIN"], document.header["$EXTMAX"] = (*low.tolist(), 0.0), (*high.tolist(), 0.0)
-    size = np.maximum(high - low, 1.0)
-    height = float(max(size[1], size[0] / 1.6)) * 1.15
+    document.linetypes.add("DASHED", [(DASH + GAP) * mm, DASH * mm, -GAP * mm], description="_ _ _ _")
+    document.styles.add(STYLE, font="arial.ttf")
+    _dimension_style(document, mm, options)
+    for suffix, _, _ in floors:
+        for layer in LAYERS:
+            name = layer_name(layer, options, suffix)
+            if name not in document.layers:
+                kind = {"linetype": "DASHED"} if layer.dashed else {}
+                row = document.layers.add(name, color=layer.colour, lineweight=round(layer.pen * 100), **kind)
+                row.dxf.plot = int(layer.plotted)
+    turn = np.array([[np.cos(first.angle), -np.sin(first.angle)], [np.sin(first.angle), np.cos(first.angle)]])
+    document.ucs.add("MAP", dxfattribs={"xaxis": (*turn[0], 0.0), "yaxis": (*turn[1], 0.0)})
+    header.custom_vars.append("Rotation", f"{np.degrees(-first.angle):.6f} degrees, from the map to this drawing")
+    header.custom_vars.append("Scale", f"1:{first.scale}")
+    _views(document, floors, unit)
+
+
+def _views(document: Document, floors: Sequence[Floor], unit: float) -> None:
+    """Extents and the first view: all that is drawn."""
+    low = np.min([drawing.window[0] for _, _, drawing in floors], axis=0) * unit
+    high = np.max([drawing.window[1] for _, _, drawing in floors], axis=0) * unit
+    corners = (*low.tolist(), 0.0), (*high.tolist(), 0.0)
+    document.header["$EXTMIN"], document.header["$EXTMAX"] = corners
+    space = document.modelspace()
+    space.reset_extents(*corners)
+    space.reset_limits(corners[0][:2], corners[1][:2])
+    size = high - low
+    height = float(max(size[1], size[0] / 1.6))
     document.set_modelspace_vport(height, center=tuple(((low + high) / 2).tolist()))
 
 
-def _points(layout: Layout) -> Any:
-    ends = [np.stack([w.start, w.end]) for w in layout.walls]
-    points = ends + [room.polygon for room in layout.rooms]
-    return np.concatenate(points) if points else np.zeros((1, 2))
+def _dimension_style(document: Document, mm: float, options: DrawingOptions) -> None:
+    """Architectural: oblique strokes, short extension lines, figures above the line. mm: one on paper, drawing units."""
+    from recon.plan.chains import BEYOND
+    from recon.plan.drawing import TICK
+    from recon.plan.inner import GAP as RISE
+    from recon.plan.inner import HEIGHT
+
+    style = document.dimstyles.new(STYLE)
+    sizes = {"dimtxt": HEIGHT, "dimtsz": TICK, "dimasz": TICK, "dimgap": RISE, "dimexe": BEYOND, "dimfxl": BEYOND}
+    for name, value in (sizes | {"dimexo": 0.5}).items():
+        style.set_dxf_attrib(name, value * mm)
+    decimals = {"m": 3, "mm": 0, "ft": 3}[options.units]
+    fixed = {"dimdec": decimals, "dimzin": 0, "dimrnd": 0.0, "dimdsep": 46, "dimtad": 1, "dimtmove": 2, "dimtih": 0}
+    for name, value in (fixed | {"dimtoh": 0, "dimscale": 1.0, "dimlfac": 1.0, "dimfxlon": 1, "dimlunit": 2}).items():
+        style.set_dxf_attrib(name, value)
+    style.dxf.dimtxsty = STYLE
 
 
-def _draw(space: Modelspace, model: Model) -> None:
-    """From the bottom up: what is drawn later lies on top."""
-    layout = model.layout
-    for room in layout.rooms:
-        _draw_room(space, room.name, room.polygon)
-    for item in layout.objects:
-        space.add_lwpolyline(item.footprint.tolist(), close=True, dxfattribs={"layer": "A-FURN"})
-    for wall in layout.walls:
-        for piece in solid_pieces(layout, wall):
-            line = space.add_line(*piece.tolist(), dxfattribs={"layer": "A-WALL"})
-            line.set_xdata(APPLICATION, _wall_data(wall))
-    for opening in layout.openings:
-        ends = opening_ends(opening, layout.wall(opening.wall))
-        line = space.add_line(*ends.tolist(), dxfattribs={"layer": OPENING_LAYERS[opening.type]})
-        name = f"{opening.type}_{opening.id:03d}"
-        line.set_xdata(APPLICATION, [(1000, name), (1040, float(opening.bottom)), (1040, float(opening.top))])
-    for dimension in drawn_dimensions(layout):
-        _draw_dimension(space, dimension)
-    if model.notes:
-        corner = _points(layout).min(axis=0) - [0.0, 0.5]
-        style = {"layer": "A-ANNO-NOTE", "style": "RECON", "char_height": 0.15, "attachment_point": 1}
-        space.add_mtext("\\P".join(_plain(n) for n in model.notes), style).set_location(corner.tolist())
-
-
-def _draw_room(space: Modelspace, name: str, polygon: Array) -> None:
-    import shapely
-
-    space.add_lwpolyline(polygon.tolist(), close=True, dxfattribs={"layer": "A-AREA"})
-    spot, _ = label_spot(polygon)
-    style = {"layer": "A-AREA-IDEN", "style": "RECON", "char_height": 0.2, "attachment_point": 5}
-    space.add_mtext(f"{_plain(name)}\\P{shapely.Polygon(polygon).area:.2f} m²", style).set_location(spot.tolist())
-
-
-def _draw_dimension(space: Modelspace, dimension: Dimension) -> None:
-    """Between the two walls, with the standard deviation behind the distance that the program measures itself."""
-    ends = [tuple(point.tolist()) for point in (dimension.start, dimension.end)]
-    sizes = {"dimtxt": 0.12, "dimasz": 0.08, "dimgap": 0.04, "dimdec": 3, "dimzin": 0, "dimexo": 0.0, "dimexe": 0.0}
-    style = {"layer": "A-ANNO-DIMS"}
-    text = f"<> {sigma_text(dimension.sigma)}"
-    space.add_aligned_dim(*ends, 0.0, text=text, dimstyle="Standard", override=sizes, dxfattribs=style).render()
-
-
-def _wall_data(wall: Wall) -> list[tuple[int, Any]]:
-    sigmas = [(1040, float(s)) for s in (wall.sigma_offset, wall.sigma_angle) if np.isfinite(s)]
-    return [(1000, f"wall_{wall.id:03d}"), *sigmas, (1000, wall.source)]
-
-
-def _plain(text: str) -> str:
-    """Text without what MTEXT would take for formatting."""
-    return text.replace("\\", "\\\\").replace("{", "\\{").replace("}", "\\}").replace("\n", " ")
+def _sheet(
+    document: Document, floors: Sequence[Floor], suffix: str, drawing: Drawing, options: DrawingOptions
+) -> None:
+    """Title block and a view of the plan to scale, in millimetres; of other storeys nothing is seen."""
+    unit = UNITS[options.units][0]
+    space = document.layouts.new(f"Plan{suffix}") if suffix else document.layouts.get("Layout1")
+    if not suffix:
+        document.layouts.rename("Layout1", "Plan")
+    space.page_setup(size=drawing.paper, margins=(0, 0, 0, 0), units="mm", scale=(1, 1))
+    pencil = Pencil(space, options, drawing, suffix, 1.0)
+    for element in drawing.sheet:
+        pencil.draw(element)
+    low, high = drawing.on_paper(drawing.window)
+    view = space.add_viewport(
+        center=tuple(((low + high) / 2).tolist()),
+        size=tuple((high - low).tolist()),
+        view_center_point=tuple((drawing.window.mean(axis=0) * unit).tolist()),
+        view_height=float(drawing.window[1, 1] - drawing.window[0, 1]) * unit,
+        status=2,
+    )
+    view.dxf.layer = layer_name(VIEWPORT, options, suffix)
+    view.frozen_layers = [layer_name(layer, options, other) for other, _, _ in floors if other != suffix for layer in LAYERS]

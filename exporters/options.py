@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from recon.errors import OutputError
+from recon.plan.options import DrawingOptions
 
 IfcSchema = Literal["IFC4", "IFC2X3"]
 MapFrame = Literal["map", "building"]
@@ -31,7 +32,7 @@ class ExportOptions:
     triangles where a format has a choice (PLY). lod: coarser copies of the file, each with pictures of half the size.
     engine: whose names for collision shapes and light-map coordinates glTF has, None for no engine in particular.
     usd_profile: "arkit" (Y up, for phones) or "simready" (with collision and labels, for simulators). stl_units: of
-    STL, which cannot say them.
+    STL, which cannot say them. drawing: scale, paper, units and layers of plans (DXF, SVG, PDF, PNG).
     """
 
     ifc_schema: IfcSchema = "IFC4"
@@ -44,6 +45,7 @@ class ExportOptions:
     engine: Engine | None = None
     usd_profile: UsdProfile | None = None
     stl_units: StlUnits = "m"
+    drawing: DrawingOptions = DrawingOptions()
 
 
 DEFAULTS = ExportOptions()

@@ -15,14 +15,20 @@ if TYPE_CHECKING:
 DRAWN_THICKNESS = 0.12
 """m behind a wall's face that drawings fill; how thick a wall is cannot be seen from one side."""
 _SAME_WAY = np.cos(np.radians(20.0))
-_THICKEST_FILLED = 0.45  # m between the faces of two rooms that still make one solid wall
+THICKEST_FILLED = 0.45
+"""m between the faces of two rooms that still make one solid wall."""
+_FLATTEST_CORNER = float(np.sin(np.radians(1.0)))
 
 
 def dominant_angle(layout: Layout) -> float:
-    """Direction in (-pi/4, pi/4] to which most metres of wall are parallel or square; 0 without walls."""
-    if not layout.walls:
+    """Direction in (-pi/4, pi/4] to which most metres of wall are parallel or square; 0 without walls.
+
+    Walls that no sensor saw count only where there are no others.
+    """
+    walls = [w for w in layout.walls if w.source != "inferred"] or layout.walls
+    if not walls:
         return 0.0
-    steps = np.array([w.end - w.start for w in layout.walls])
+    steps = np.array([w.end - w.start for w in walls])
     fourfold = np.arctan2(steps[:, 1], steps[:, 0]) * 4
     weights = np.linalg.norm(steps, axis=1)
     return float(np.angle((weights * np.exp(1j * fourfold)).sum()) / 4)
@@ -116,29 +122,74 @@ def label_spot(polygon: Array) -> tuple[Array, float]:
 
 
 def wall_bodies(layout: Layout, walls: tuple[Wall, ...] | None = None, cut: bool = True) -> BaseGeometry:
-    """Ground taken by the walls: DRAWN_THICKNESS behind each face, mitred at corners, never inside a room.
+    """Ground taken by the walls: as deep behind each face as it was seen, else DRAWN_THICKNESS, never inside a room.
 
-    Where the faces of two rooms stand back to back, what is between them is filled. walls: only these (default all).
-    cut: leave out the openings.
+    Corners are mitred; where the faces of two rooms stand back to back, what is between them is filled. walls: only
+    these (default all). cut: leave out the openings.
     """
     import shapely
 
     chosen = layout.walls if walls is None else walls
-    rooms, t = room_area(layout), DRAWN_THICKNESS
-    around = rooms.buffer(t, join_style="mitre").difference(rooms)
-    parts = []
-    for wall in chosen:
-        ends = np.array([wall.start, wall.end])
-        longer = ends + np.outer([-t, t], wall.direction)
-        parts += [behind(ends, wall, t), around.intersection(behind(longer, wall, t))]
-    gap = (_THICKEST_FILLED - 2 * t) / 2
+    parts = [behind(np.array([wall.start, wall.end]), wall, drawn_depth(wall)) for wall in chosen]
+    parts += _corners(layout, {wall.id for wall in chosen})
+    rooms, gap = room_area(layout), (THICKEST_FILLED - 2 * DRAWN_THICKNESS) / 2
     solid = shapely.unary_union(parts)
     solid = solid.buffer(gap, join_style="mitre").buffer(-gap, join_style="mitre").difference(rooms)
     if cut:
-        holes = [_hole(o, layout.wall(o.wall)) for o in layout.openings]
+        holes = [behind(ends, wall, depth + 1e-3, front=0.02) for wall, ends, depth in _holes(layout)]
         solid = solid.difference(shapely.unary_union(holes))
     return solid
 
 
-def _hole(opening: Opening, wall: Wall) -> BaseGeometry:
-    return behind(opening_ends(opening, wall), wall, _THICKEST_FILLED, front=0.02)
+def drawn_depth(wall: Wall) -> float:
+    """m from the face of a wall to its back: measured, else DRAWN_THICKNESS."""
+    return DRAWN_THICKNESS if wall.thickness is None else wall.thickness
+
+
+def opening_depths(layout: Layout) -> list[float]:
+    """m, for each opening, through its wall: to the wall's other face, or to the room behind; else DRAWN_THICKNESS."""
+    return [depth for _, _, depth in _holes(layout)]
+
+
+def _holes(layout: Layout) -> list[tuple[Wall, Array, float]]:
+    """Of every opening the wall, the ends (2, 2) and the depth."""
+    import shapely
+
+    walls = {wall.id: wall for wall in layout.walls}
+    rooms = np.array([shapely.Polygon(room.polygon) for room in layout.rooms], dtype=object)
+    tree = shapely.STRtree(rooms)
+    out = []
+    for opening in layout.openings:
+        wall = walls[opening.wall]
+        ends = opening_ends(opening, wall)
+        depth = wall.thickness
+        if depth is None:
+            middle = ends.mean(axis=0)
+            way = shapely.LineString([middle - 0.02 * wall.normal, middle - THICKEST_FILLED * wall.normal])
+            face = shapely.Point(middle)
+            hit = [face.distance(way.intersection(rooms[k])) for k in tree.query(way, predicate="intersects")]
+            depth = min((d for d in hit if d > 0.02 + 1e-6), default=DRAWN_THICKNESS)
+        out.append((wall, ends, depth))
+    return out
+
+
+def _corners(layout: Layout, chosen: set[int]) -> list[BaseGeometry]:
+    """What lies behind both walls of a corner that the room has on its inside, where one of `chosen` meets it."""
+    import shapely
+
+    starting = {tuple(np.round(wall.start, 6).tolist()): wall for wall in layout.walls}
+    out = []
+    for a in layout.walls:
+        b = starting.get(tuple(np.round(a.end, 6).tolist()))
+        if b is None or not chosen & {a.id, b.id}:
+            continue
+        turn = float(a.direction[0] * b.direction[1] - a.direction[1] * b.direction[0])
+        if turn < _FLATTEST_CORNER:
+            continue
+        corner, deep = a.end, (drawn_depth(a), drawn_depth(b))
+        backs = corner - deep[0] * a.normal, corner - deep[1] * b.normal
+        tip = corner - np.linalg.solve(np.stack([a.normal, b.normal]), np.array(deep))
+        sharp = np.linalg.norm(tip - corner) > 4 * max(deep)
+        points = [corner, *backs] if sharp else [corner, *backs, tip]
+        out.append(shapely.MultiPoint(np.array(points)).convex_hull)
+    return out

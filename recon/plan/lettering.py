@@ -1,0 +1,72 @@
+"""Lettering: how wide texts are. DejaVu Sans, as narrow as its condensed cut, which is about as wide as Arial."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+CONDENSED = 0.9
+"""Horizontal scale: DejaVu Sans Condensed is DejaVu Sans drawn this narrow."""
+CAP_HEIGHT = 1493 / 2048
+"""Height of capital letters in em; texts are sized by it, as ISO 3098 does."""
+DESCENT = 0.33
+"""Of the cap height, below the base line."""
+LINE = 1.7
+"""Of the cap height, from line to line."""
+
+
+def font_path(bold: bool = False) -> Path:
+    """The font file, which comes with matplotlib."""
+    import matplotlib
+
+    return Path(matplotlib.get_data_path()) / "fonts" / "ttf" / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
+
+
+def text_width(text: str, height: float, bold: bool = False) -> float:
+    """Width of a line of text whose capitals are `height` high, in the same unit."""
+    widths, missing = _widths(bold)
+    return sum(widths.get(ord(c), missing) for c in text) * CONDENSED / CAP_HEIGHT * height
+
+
+def shortened(text: str, height: float, width: float, bold: bool = False) -> str:
+    """The text, or as much of it as fits into `width`, with an ellipsis."""
+    if text_width(text, height, bold) <= width:
+        return text
+    kept = text
+    while kept and text_width(kept + "…", height, bold) > width:
+        kept = kept[:-1].rstrip()
+    return kept + "…" if kept else ""
+
+
+def wrapped(text: str, height: float, width: float, bold: bool = False) -> list[str]:
+    """The text in lines that fit into `width`, broken between words, and in long words where it must be."""
+    lines: list[str] = []
+    for word in text.split():
+        joined = f"{lines[-1]} {word}" if lines else word
+        if lines and text_width(joined, height, bold) <= width:
+            lines[-1] = joined
+            continue
+        while text_width(word, height, bold) > width and len(word) > 1:
+            fitting = next(
+                (n for n in range(len(word) - 1, 1, -1) if text_width(word[:n], height, bold) <= width), 1
+            )
+            lines.append(word[:fitting])
+            word = word[fitting:]
+        lines.append(word)
+    return lines
+
+
+def clean(text: str) -> str:
+    """The text in one line, without control characters, which no format can hold."""
+    return " ".join("".join(c if c.isprintable() or c.isspace() else "\ufffd" for c in text).split())
+
+
+@cache
+def _widths(bold: bool) -> tuple[dict[int, float], float]:
+    from fontTools.ttLib import TTFont
+
+    font: Any = TTFont(font_path(bold), lazy=True)
+    em, metrics = font["head"].unitsPerEm, font["hmtx"].metrics
+    widths = {code: metrics[glyph][0] / em for code, glyph in font.getBestCmap().items()}
+    return widths, metrics[".notdef"][0] / em

@@ -1,0 +1,57 @@
+"""Places for texts: what is taken, and what is still free. Rectangles at any angle, in metres."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+
+from recon.geometry import Array
+
+CELL = 2.0
+"""m; size of the cells by which neighbours are found."""
+
+
+class Taken:
+    """Rectangles and lines that texts keep clear of."""
+
+    def __init__(self) -> None:
+        self._cells: defaultdict[tuple[int, int], list[Array]] = defaultdict(list)
+
+    def add(self, box: Array) -> None:
+        """A rectangle (4, 2), or a line (2, 2)."""
+        for cell in _cells(box):
+            self._cells[cell].append(box)
+
+    def free(self, box: Array) -> bool:
+        """Whether a rectangle or line touches none of those added."""
+        return not any(overlap(box, other) for cell in _cells(box) for other in self._cells.get(cell, ()))
+
+
+def overlap(a: Array, b: Array) -> bool:
+    """Whether two convex shapes (n, 2) touch, by the separating axis theorem (Gottschalk et al., SIGGRAPH 1996)."""
+    for shape in (a, b):
+        edges = np.roll(shape, -1, axis=0) - shape
+        normals = np.column_stack([-edges[:, 1], edges[:, 0]])
+        if len(shape) == 2:
+            normals = np.concatenate([normals[:1], edges[:1]])
+        on_a, on_b = a @ normals.T, b @ normals.T
+        if np.any((on_a.max(axis=0) < on_b.min(axis=0)) | (on_b.max(axis=0) < on_a.min(axis=0))):
+            return False
+    return True
+
+
+def grown(box: Array, margin: float) -> Array:
+    """A rectangle (4, 2) with a margin all round."""
+    along, up = box[1] - box[0], box[3] - box[0]
+    u = margin * along / max(float(np.linalg.norm(along)), 1e-9)
+    v = margin * up / max(float(np.linalg.norm(up)), 1e-9)
+    return np.asarray(box + np.stack([-u - v, u - v, u + v, v - u]))
+
+
+def _cells(box: Array) -> Iterator[tuple[int, int]]:
+    (x0, y0), (x1, y1) = (np.floor(box.min(axis=0) / CELL), np.floor(box.max(axis=0) / CELL))
+    for x in range(int(x0), int(x1) + 1):
+        for y in range(int(y0), int(y1) + 1):
+            yield x, y

@@ -54,6 +54,7 @@ from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
 from recon.sequence.tum import as_written
+from recon.texture.refine import refine_poses
 from recon.texture.texture import texture_faces
 from recon.vision.frame import FrameLines
 from recon.vision.frame_lines import detect_lines, relabel
@@ -119,6 +120,7 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measu
     poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
     layout = _layout(sequence, lines, calibration, estimate, config, run)
     layout = layout_from_json(layout_to_json(layout), "layout.json")  # its decimals: exports made later are equal
+    poses = _refined_poses(sequence, calibration, estimate, layout, poses, config, run)
     model = _model(sequence, layout, poses, config, run)
     with run.stage("occupancy"):
         occupancy = build_occupancy(estimate.trajectory, sequence.scans)
@@ -319,6 +321,30 @@ def _layout(
         doubtful = suspects(layout)
         found = standing_furniture(doubtful, plan(doubtful), camera, poses, load) if doubtful else []
         return plan(found) if found else layout
+
+
+def _refined_poses(
+    sequence: Sequence,
+    calibration: Calibration | None,
+    estimate: MapEstimate,
+    layout: Layout,
+    poses: tuple[Pose3 | None, ...],
+    config: Config,
+    run: _Run,
+) -> tuple[Pose3 | None, ...]:
+    """The cameras, moved within what is known of them so that images agree on the faces."""
+    images, camera = sequence.images, sequence.camera
+    if images is None or camera is None or calibration is None:
+        return poses
+
+    def load(index: int) -> NDArray[np.uint8] | None:
+        return load_image(images, index, camera, warnings=run.warnings)
+
+    scans = estimate.trajectory.nearest(calibration.on_scan_clock(images.timestamps))
+    x, y, yaw = estimate.pose_sigmas[scans].T
+    sigmas = np.column_stack([np.hypot(x, y), yaw])
+    with run.stage("image poses"):
+        return refine_poses(extrude(layout), camera, poses, load, sigmas, config.workers)
 
 
 def _model(sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], config: Config, run: _Run) -> Model:

@@ -18,8 +18,9 @@ from recon.faces import extrude
 from recon.geometry import Array, Pose3
 from recon.model import Face, Layout, Room, Wall
 from recon.raycast import RayScene
+from recon.sampling import uv_from_points
 from recon.sequence.camera import Camera
-from recon.texture import texture_faces
+from recon.texture import refine_poses, texture_faces
 from recon.texture.fill import fill_smoothly
 from recon.texture.gains import solve_log_gains
 from recon.texture.labelling import choose_views
@@ -168,11 +169,43 @@ def test_poses_off_by_a_centimetre_still_give_one_picture() -> None:
         small = np.array([[1, -z, y], [z, 1, -x], [-y, x, 1]])
         u, _, v = np.linalg.svd(small)
         moved.append(pose @ Pose3(u @ v, rng.normal(0, 0.01, 3)))
-    assert psnr(textured(taken, tuple(moved)), taken) > 38
     faces = extrude(box_layout())
+    refined = refine_poses(faces, taken.camera, moved, taken.load, (0.01, np.deg2rad(0.3)))
+    assert psnr(textured(taken, refined), taken) > 38
+    three = refine_poses(faces, taken.camera, moved, taken.load, (0.01, np.deg2rad(0.3)), workers=3)
+    assert [p and p.matrix().tobytes() for p in refined] == [p and p.matrix().tobytes() for p in three]
     apart = replace(taken, poses=tuple(moved))
     raw = [seen_error(faces, apart, i) for i in range(len(moved))]
     assert float(np.median(raw)) > 6, "levels: each image alone is this far off, 33 dB at best"
+
+
+def test_poses_that_are_known_well_hardly_move() -> None:
+    """Walls that are 15 cm off pull images as far as their poses are not known."""
+    taken, layout = wide_tour(), box_layout()
+    walls = (replace(w, start=w.start + 0.15 * w.normal, end=w.end + 0.15 * w.normal) for w in layout.walls)
+    near = extrude(replace(layout, walls=tuple(walls)))
+    steps = []
+    for sigmas in ((0.001, np.deg2rad(0.02)), (0.05, np.deg2rad(1.0))):
+        refined = refine_poses(near, taken.camera, taken.poses, taken.load, sigmas)
+        both = zip(refined, taken.poses, strict=True)
+        steps.append(max(float(np.linalg.norm(a.translation - b.translation)) for a, b in both if a is not None))
+    assert steps[0] < 0.02
+    assert steps[1] > 3 * steps[0], "the test has something to tell apart"
+
+
+def test_images_between_those_aligned_move_along() -> None:
+    taken = wide_tour()
+    twice = [pose for pose in taken.poses for _ in (0, 1)]
+    higher = Pose3(np.eye(3), np.array([0.0, 0.0, 0.01]))
+    wrong = [pose if k % 4 < 2 else higher @ pose for k, pose in enumerate(twice)]
+    refined = refine_poses(extrude(box_layout()), taken.camera, wrong, lambda i: taken.load(i // 2), (0.01, 0.002))
+    moved = [
+        np.linalg.norm(a.translation - b.translation) for a, b in zip(refined, wrong, strict=True) if a is not None
+    ]
+    assert min(max(moved[2:4]), max(moved[6:8])) > 0.002
+    for first, second in zip(refined[::2], refined[1::2], strict=True):
+        assert first is not None and second is not None
+        assert first.matrix() == pytest.approx(second.matrix(), abs=1e-9)
 
 
 def seen_error(faces: tuple[Face, ...], taken: Shoot, index: int) -> float:
@@ -190,6 +223,25 @@ def test_workers_do_not_change_the_result() -> None:
         assert one.texture is not None and three.texture is not None
         assert one.texture.tobytes() == three.texture.tobytes()
         assert one.seen_fraction == three.seen_fraction
+        assert one.sources is not None and three.sources is not None
+        assert np.array_equal(one.sources, three.sources)
+
+
+def test_sources_name_the_image_of_every_texel() -> None:
+    """Where the picture is from image i, image i sees that place; what is filled, nobody sees or hardly anybody."""
+    taken = wide_tour()
+    for face in wide_tour_textured():
+        assert face.texture is not None and face.sources is not None and face.filled is not None
+        assert face.sources.shape == face.texture.shape[:2]
+        assert face.filled.mean() == pytest.approx(1 - face.seen_fraction, abs=0.01)
+        points = points_on(face)
+        height, width = face.sources.shape
+        uv = points @ uv_from_points(face)[:3] + uv_from_points(face)[3]
+        row, column = ((1 - uv[:, 1]) * height).astype(int), (uv[:, 0] * width).astype(int)
+        owner = face.sources[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+        for i in np.unique(owner[owner >= 0]):
+            alone = replace(taken, poses=(taken.poses[i],))
+            assert seen_by(points[owner == i], alone, -6.0).all(), (face.name, i)
 
 
 def test_images_that_are_corrupt_or_without_pose_are_left_out() -> None:

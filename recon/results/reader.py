@@ -16,6 +16,7 @@ from recon.files import read_text
 from recon.geometry import Array
 from recon.layout_json import layout_from_json
 from recon.model import Face, Layout, Model
+from recon.results.sources import read_sources
 from recon.occupancy import load_occupancy
 from recon.results.accuracy import read_sigmas
 from recon.sequence.trajectory import Trajectory
@@ -86,6 +87,7 @@ def _face(folder: Path, item: dict[str, Any]) -> Face:
         texture,
         float(item["metres_per_texel"]),
         float(item["seen_fraction"]),
+        sources=read_sources(folder, item["name"]),
         opening=None if item.get("opening") is None else int(item["opening"]),
     )
 

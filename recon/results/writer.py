@@ -20,6 +20,7 @@ from recon.occupancy import save_occupancy
 from recon.results.accuracy import write_accuracy
 from recon.results.metrics import metrics
 from recon.results.pictures import write_overlays
+from recon.results.sources import write_sources
 from recon.sequence.extrinsics import write_extrinsics
 from recon.sequence.tum import write_planar, write_tum
 
@@ -101,6 +102,8 @@ def _write_model(folder: Path, model: Model) -> None:
     for face in model.faces:
         if face.texture is not None:
             _write_image(folder / "textures" / f"{face.name}.png", face.texture[:, :, ::-1])
+        if face.sources is not None:
+            write_sources(folder, face.name, face.sources)
         faces.append(_face_to_json(face))
     _write_json(folder / "model.json", {"version": 1, "name": model.name, "notes": list(model.notes), "faces": faces})
 

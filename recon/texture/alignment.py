@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from recon.geometry import Array, Pose3
 from recon.model import Face
@@ -14,8 +13,9 @@ from recon.sequence.camera import Camera
 from recon.texture.canvas import Plane
 from recon.texture.matches import Matches
 
-PRIOR_TURN, PRIOR_MOVE = np.deg2rad(0.3), 0.015
-"""Standard deviations of the poses given, rad and m: matches move them no further without reason."""
+LEAST_MOVE, LEAST_TURN = 0.002, np.deg2rad(0.05)
+"""m, rad: added to the standard deviations of the poses given, for what those leave out: the platform rocks, poses
+between scans are interpolated. No more: what stands before the faces matches, too, and would pull poses away."""
 NOISE, FULL_WEIGHT = 0.7, 60
 """Pixels, of one match; matches of a pair of images count as at most so many: their errors are not independent."""
 ITERATIONS = 6
@@ -34,12 +34,13 @@ class _Pair:
 
 
 def align(
-    poses: list[Pose3 | None], matches: list[Matches], faces: tuple[Face, ...], camera: Camera
+    poses: list[Pose3 | None], matches: list[Matches], faces: tuple[Face, ...], camera: Camera, sigmas: Array
 ) -> list[Pose3 | None]:
     """Poses under which matched pixels meet the same points of the faces.
 
-    Gauss-Newton on small turns and moves of all cameras with a prior on the poses given; Geman-McClure weights whose
-    scale follows the residuals, since what is not on a face (clutter, reflections) matches too.
+    sigmas: (N, 2), one standard deviation of the poses given: of their places, m, and directions, rad. Gauss-Newton on
+    small turns and moves of all cameras; Geman-McClure weights whose scale follows the residuals, since what is not on
+    a face (clutter, reflections) matches too.
     """
     pairs = [_rays(m, faces, camera) for m in matches if len(m.face)]
     if not pairs:
@@ -47,24 +48,26 @@ def align(
     used = sorted({i for pair in pairs for i in (pair.first, pair.second)})
     focal = float(np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1]))
     moved = np.zeros(6 * len(used))
+    known = np.hypot(sigmas[used], [LEAST_MOVE, LEAST_TURN])
+    prior = np.repeat(1 / known[:, ::-1] ** 2, 3, axis=1).ravel()
     current = list(poses)
     for _ in range(ITERATIONS):
         rows = [_linearise(pair, current, focal) for pair in pairs]
-        step = _solve(pairs, rows, used, moved)
+        step = _solve(pairs, rows, used, moved, prior)
         moved += step
         for k, image in enumerate(used):
             current[image] = _moved(current[image], step[6 * k : 6 * k + 6])
     return current
 
 
-def _solve(pairs: list[_Pair], rows: list[tuple[Array, Array]], used: list[int], moved: Array) -> Array:
-    """One weighted least-squares step (6 per used image); moved: the sum of the steps so far, held by the prior."""
+def _solve(pairs: list[_Pair], rows: list[tuple[Array, Array]], used: list[int], moved: Array, prior: Array) -> Array:
+    """One weighted least-squares step (6 per used image); moved: the sum of the steps so far, held by the prior's
+    information (6 per used image)."""
     from scipy import sparse
     from scipy.sparse.linalg import spsolve
 
     sizes = np.concatenate([np.linalg.norm(residual, axis=1) for residual, _ in rows])
     scale = 1.5 * max(NOISE, float(np.median(sizes)))
-    prior = np.tile(np.repeat([1 / PRIOR_TURN, 1 / PRIOR_MOVE], 3) ** 2, len(used))
     right = -prior * moved
     column = {image: 6 * k + np.arange(6) for k, image in enumerate(used)}
     blocks, places = [], []
@@ -133,21 +136,3 @@ def _moved(pose: Pose3 | None, step: Array) -> Pose3 | None:
         return None
     turn = np.asarray(cv2.Rodrigues(step[:3])[0], dtype=np.float64)
     return pose @ Pose3(turn, step[3:])
-
-
-def partners(seen: NDArray[np.float32], count: int) -> list[tuple[int, int]]:
-    """Pairs of rows worth matching: every row with the `count` earlier ones that see most of the same points well.
-
-    seen: (images, points) resolution, 0 where not seen.
-    """
-    from scipy import sparse
-
-    if seen.size == 0:
-        return []
-    good = sparse.csr_matrix((seen > 0.3 * seen.max(axis=0, keepdims=True)) & (seen > 0), dtype=np.int32)
-    shared = (good @ good.T).toarray()
-    pairs = []
-    for i in range(1, len(shared)):
-        ranked = np.argsort(-shared[i, :i][::-1], kind="stable")[:count]  # the latest first among equals
-        pairs += [(i, i - 1 - int(k)) for k in ranked if shared[i, i - 1 - int(k)] > 0]
-    return pairs

@@ -37,8 +37,8 @@ class Shot:
 
 def render(
     canvas: Canvas, choice: Views, shots: dict[int, Shot], lens: Lens, load: Callable[[int], Image | None]
-) -> tuple[Image, float]:
-    """Picture (height, width, 3) BGR and the share of the face's texels that an image saw.
+) -> tuple[Image, NDArray[np.int32]]:
+    """Picture (height, width, 3) BGR, and the image (height, width) that most of each texel is from, -1 filled.
 
     choice: view of every block, -1 unseen; what is unseen is filled from around it.
     """
@@ -49,11 +49,11 @@ def render(
     for tile_rows, tile_columns in _tiles(rows, columns):
         texels = (_texels(tile_rows), _texels(tile_columns))
         picture[texels], alpha[texels] = _tile(canvas, padded, (tile_rows, tile_columns), shots, lens, load)
-    inside = canvas.inside()
-    seen = float(np.count_nonzero(inside & (alpha[: canvas.height, : canvas.width] >= 128)) / max(inside.sum(), 1))
-    alpha[: canvas.height, : canvas.width] *= inside
+    alpha[: canvas.height, : canvas.width] *= canvas.inside()
     _fill(picture, alpha)
-    return np.ascontiguousarray(picture[: canvas.height, : canvas.width]), seen
+    sources = np.repeat(np.repeat(choice, BLOCK, axis=0), BLOCK, axis=1)[: canvas.height, : canvas.width]
+    sources[alpha[: canvas.height, : canvas.width] < 128] = -1
+    return np.ascontiguousarray(picture[: canvas.height, : canvas.width]), sources
 
 
 def _tiles(rows: int, columns: int) -> Iterator[tuple[Range, Range]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -18,6 +19,9 @@ from recon.texture.canvas import BLOCK, Canvas, Plane
 from recon.texture.gains import ExposureSamples
 from recon.texture.ordered import ordered_map
 from recon.texture.view import Image, Lens, Sight, look, pyramid, sample
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 TOLERANCE = 0.05
 """m: a ray that ends this much before a point has still met it (corners, walls that stand a little too near)."""
@@ -57,25 +61,31 @@ def useful_images(poses: Sequence[Pose3 | None]) -> list[int]:
     return out
 
 
-def probe(rig: Rig, face: Face, images: list[int]) -> NDArray[np.float32]:
-    """Pixels per metre (len(images), points) with which images see points spread over a face, 0 where they do not."""
+def probe(rig: Rig, face: Face, images: list[int]) -> csr_array:
+    """Pixels per metre (len(images), points) with which images see points all over a face, none where they do not."""
+    from scipy import sparse
+
     plane = Plane.of(face)
     counts = [int(np.clip(np.ceil(side / 0.2), 2, PROBES)) for side in plane.size]
     canvas = Canvas(face, plane, *(BLOCK * count for count in counts))
     points, some = canvas.block_points
     points = points[some]
-    found = np.zeros((len(images), len(points)), np.float32)
+    values, columns = [np.zeros(0, np.float32)], [np.zeros(0, np.int64)]
+    starts = np.zeros(len(images) + 1, np.int64)
     for k, i in enumerate(images):
         pose = rig.poses[i]
         if pose is not None:
             sight = _visible(rig.scene, pose, points, look(rig.lens, pose, points, canvas.axes, 0.01))
-            found[k, sight.index] = np.sqrt(sight.fine * sight.coarse)
-    return found
+            values.append(np.sqrt(sight.fine * sight.coarse).astype(np.float32))
+            columns.append(sight.index)
+        starts[k + 1] = starts[k] + (len(columns[-1]) if pose is not None else 0)
+    table = np.concatenate(values), np.concatenate(columns), starts
+    return sparse.csr_array(table, shape=(len(images), len(points)))
 
 
-def best_resolution(seen: NDArray[np.float32]) -> float | None:
+def best_resolution(seen: csr_array) -> float | None:
     """Metres per texel worth having where a face is seen best (its best tenth); None when no image sees it."""
-    best = seen.max(axis=0, initial=0)
+    best = np.asarray(seen.max(axis=0).toarray()).ravel() if seen.nnz else np.zeros(0)
     return DETAIL / float(np.percentile(best[best > 0], 90)) if best.any() else None
 
 

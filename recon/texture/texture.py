@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from recon.config import TextureConfig
 from recon.geometry import Array, Pose3
@@ -15,22 +14,18 @@ from recon.model import Face
 from recon.progress import SILENT, Progress
 from recon.raycast import RayScene
 from recon.sequence.camera import Camera
-from recon.texture.alignment import align, partners
 from recon.texture.cache import ImageCache
 from recon.texture.candidates import Candidates
 from recon.texture.canvas import Canvas
 from recon.texture.consensus import agree, clutter_cost, correct
 from recon.texture.labelling import choose_views
-from recon.texture.matches import Matcher, contrast
 from recon.texture.ordered import ordered_map
 from recon.texture.render import Shot, best_level, render
 from recon.texture.survey import Rig, best_resolution, probe, survey, useful_images
 from recon.texture.view import Image, Lens
 
-CACHE_BYTES, SMALL_BYTES = 96 << 20, 32 << 20
-"""Decoded images, and small grey ones, held at a time."""
-PARTNERS = 3
-"""Earlier images that each image is aligned with."""
+CACHE_BYTES = 96 << 20
+"""Decoded images held at a time."""
 LEAST_SEEN = 0.02
 """A face of which less was seen gets no picture: a filled one would be made up."""
 
@@ -44,7 +39,7 @@ def texture_faces(
     workers: int = 1,
     progress: Progress = SILENT,
 ) -> tuple[Face, ...]:
-    """The same faces with a rectified picture each from the images that see them.
+    """The same faces with a rectified picture each from the images that see them, and which image each texel is from.
 
     map_from_camera: pose of every image, None to leave it out. load(i): image i, raw, uint8 BGR (height, width, 3), or
     None when it is corrupt; called from several threads. A face that (almost) no image sees keeps `texture` None.
@@ -57,7 +52,6 @@ def texture_faces(
     rig = Rig(Lens.of(camera), list(map_from_camera), RayScene(faces))
     images = useful_images(map_from_camera)
     seen = [probe(rig, face, images) for face in faces]
-    rig = replace(rig, poses=_aligned(rig, faces, images, seen, load, workers, progress))
     canvases = [
         Canvas.of(face, max(config.metres_per_texel, finest), config.max_texture_size)
         for face, finest in zip(faces, map(best_resolution, seen), strict=True)
@@ -74,31 +68,6 @@ def texture_faces(
             textured[face.name] = face
             stage.advance()
     return tuple(textured.get(face.name, face) for face in faces)
-
-
-def _aligned(
-    rig: Rig,
-    faces: tuple[Face, ...],
-    images: list[int],
-    seen: list[NDArray[np.float32]],
-    load: Callable[[int], Image | None],
-    workers: int,
-    progress: Progress,
-) -> list[Pose3 | None]:
-    """The poses, moved so that images agree on the faces."""
-
-    def small(i: int) -> Image | None:
-        image = load(i)
-        return None if image is None else contrast(image)
-
-    matcher = Matcher(rig.lens, rig.scene, rig.poses, ImageCache(small, SMALL_BYTES))
-    pairs = partners(np.concatenate(seen, axis=1), PARTNERS) if seen else []
-    matches = []
-    with progress.stage("aligning images", total=len(pairs), unit="pairs") as stage:
-        for found in ordered_map(lambda p: matcher.match(images[p[0]], images[p[1]]), pairs, workers):
-            matches += [] if found is None else [found]
-            stage.advance()
-    return align(rig.poses, matches, faces, rig.lens.camera)
 
 
 def _paint(canvas: Canvas, candidates: Candidates, gains: Array, rig: Rig, load: Callable[[int], Image | None]) -> Face:
@@ -118,6 +87,8 @@ def _paint(canvas: Canvas, candidates: Candidates, gains: Array, rig: Rig, load:
             depth = pose.inverse().apply(points[used])[:, 2]
             focal = float(np.sqrt(rig.lens.camera.matrix[0, 0] * rig.lens.camera.matrix[1, 1]))
             shots[view] = Shot(pose, gains[view], correction, best_level(focal * canvas.texel / depth))
-    picture, seen_fraction = render(canvas, choice, shots, rig.lens, load)
+    picture, sources = render(canvas, choice, shots, rig.lens, load)
+    inside = canvas.inside()
+    share = float((inside & (sources >= 0)).sum() / max(int(inside.sum()), 1))
     texture = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
-    return replace(canvas.face, texture=texture, metres_per_texel=canvas.texel, seen_fraction=seen_fraction)
+    return replace(canvas.face, texture=texture, metres_per_texel=canvas.texel, seen_fraction=share, sources=sources)

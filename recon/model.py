@@ -188,7 +188,6 @@ class Face:
     texture: (H, W, 3) uint8 RGB, row 0 is the top, or None: a clean neutral material (`neutral_colour`).
     seen_fraction: share of texels that an image saw, the rest was filled.
     sources: (H, W) int32, index of the image that most of a texel is from, -1 where it was filled (`filled`).
-    sources: (H, W) int32, index of the image that most of a texel is from, -1 where it was filled (`filled`).
     """
 
     name: str
@@ -201,13 +200,7 @@ class Face:
     metres_per_texel: float = 0.0
     seen_fraction: float = 0.0
     sources: NDArray[np.int32] | None = field(default=None, kw_only=True)
-    sources: NDArray[np.int32] | None = field(default=None, kw_only=True)
     opening: int | None = None
-
-    @property
-    def filled(self) -> NDArray[np.bool_] | None:
-        """(H, W) texels that no image saw."""
-        return None if self.sources is None else self.sources < 0
 
     @property
     def filled(self) -> NDArray[np.bool_] | None:

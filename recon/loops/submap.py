@@ -7,12 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.config import LidarConfig
 from recon.geometry import Array, between2, driven2
 from recon.lidar.cloud import Cloud
 from recon.lidar.clouds import Clouds
-from recon.lidar.localmap import LocalMap, build_map
-from recon.loops.grid import Pyramid, build_pyramid
 
 Ints = NDArray[np.int64]
 
@@ -20,10 +17,6 @@ KEYFRAME_DISTANCE, KEYFRAME_TURN = 0.2, np.radians(6.0)
 """m or rad moved from one keyframe to the next."""
 LENGTH = 4.0
 """m driven within one submap."""
-VIEW = 15.0
-"""m from its middle that the cloud of a submap reaches when it is searched for in others."""
-POINTS = 200
-"""Points of a cloud that is searched for."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +41,15 @@ class Submaps:
         """(M,) scan of every anchor."""
         return self.scans[self.anchor]
 
+    def keyframes(self, number: int, around: int = 0) -> tuple[int, int]:
+        """First keyframe of a submap and `around` neighbours on either side, and the one after the last."""
+        low, high = max(number - around, 0), min(number + around + 1, len(self))
+        return int(self.first[low]), int(self.first[high])
+
     def cloud(self, number: int, poses: Array, around: int = 0) -> Cloud:
         """Keyframes of a submap and `around` neighbours on either side, in its frame; poses: (N, 3) of all scans."""
-        low, high = max(number - around, 0), min(number + around + 1, len(self))
         base = poses[self.anchor_scans[number]]
-        start, end = int(self.first[low]), int(self.first[high])
+        start, end = self.keyframes(number, around)
         return self.clouds.moved(start, end, between2(base, poses[self.scans[start:end]]))
 
 
@@ -76,25 +73,3 @@ def make_submaps(scans: Ints, clouds: Clouds, poses: Array) -> Submaps:
     first = np.concatenate([np.unique(number, return_index=True)[1], [len(scans)]]).astype(np.int64)
     anchor = (first[:-1] + first[1:] - 1) // 2
     return Submaps(scans, clouds, first, anchor, driven[anchor])
-
-
-@dataclass(frozen=True)
-class Target:
-    """A submap that others are matched with, in its own frame."""
-
-    local: LocalMap
-    pyramid: Pyramid
-
-
-def make_target(submaps: Submaps, number: int, poses: Array, config: LidarConfig) -> Target:
-    """The submap and its neighbours."""
-    local = build_map(submaps.cloud(number, poses, around=1), np.zeros(2), config)
-    return Target(local, build_pyramid(local.points))
-
-
-def make_query(submaps: Submaps, number: int, poses: Array, config: LidarConfig) -> Cloud:
-    """The submap alone, as points spread evenly over its surfaces."""
-    local = build_map(submaps.cloud(number, poses), np.zeros(2), config)
-    near = np.flatnonzero(np.hypot(local.points[:, 0], local.points[:, 1]) < VIEW)
-    near = near[np.unique(np.linspace(0, len(near) - 1, min(len(near), POINTS)).astype(np.int64))]
-    return Cloud(local.points[near], local.normals[near], local.flat[near], local.information[near])

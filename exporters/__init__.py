@@ -44,6 +44,12 @@ WRITERS: dict[str, str] = {
     ".svg": "svg:write_svg",
     ".pdf": "pdf:write_pdf",
     ".png": "png:write_png",
+    ".ifc": "ifc:write_ifc",
+    ".geojson": "geojson:write_geojson",
+    ".yaml": "nav_map:write_map",
+    ".tum": "trajectory_file:write_tum_file",
+    ".csv": "trajectory_file:write_csv",
+    ".rooms.json": "room_graph:write_room_graph",
     ".json": "layout_file:write_json",
 }
 """Suffix (lower case) to writer. To add a format: one module with one `write` function, one line here."""
@@ -54,7 +60,7 @@ MESHES: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".usdz", ".glb", "
 DRAWINGS: frozenset[str] = frozenset({".dxf", ".svg", ".pdf", ".png"})
 """Suffixes of plans (`ExportOptions.drawing`)."""
 
-WITH_OPTIONS: frozenset[str] = frozenset({*MESHES, *DRAWINGS})
+WITH_OPTIONS: frozenset[str] = frozenset({*MESHES, *DRAWINGS, ".ifc", ".geojson", ".yaml"})
 """Suffixes whose writers take `ExportOptions` as a third argument."""
 
 BUILDING_WRITERS: dict[str, str] = {
@@ -63,6 +69,8 @@ BUILDING_WRITERS: dict[str, str] = {
     ".usdc": "usd:write_building_usdc",
     ".usdz": "usd:write_building_usdz",
     ".dxf": "dxf:write_building_dxf",
+    ".ifc": "ifc:write_building_ifc",
+    ".geojson": "geojson:write_building_geojson",
 }
 """Suffixes of formats that hold several storeys, to their writers of a `Building`."""
 

@@ -40,14 +40,22 @@ def write_tum(
     path: Path, timestamps: ArrayLike, positions: ArrayLike, quaternions_xyzw: ArrayLike, comment: str = ""
 ) -> None:
     """Writes timestamps (N,) s, positions (N, 3) m and quaternions_xyzw (N, 4), with `comment` on the first line."""
+    lines = tum_lines(timestamps, positions, quaternions_xyzw, comment)
+    with atomic_path(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def tum_lines(
+    timestamps: ArrayLike, positions: ArrayLike, quaternions_xyzw: ArrayLike, comment: str = ""
+) -> list[str]:
+    """The lines of the file that `write_tum` writes."""
     t = np.asarray(timestamps, dtype=np.float64).reshape(-1, 1)
     rows = np.hstack([np.reshape(positions, (-1, 3)), np.reshape(quaternions_xyzw, (-1, 4))]) + 0.0  # no -0.0
     lines = [f"# {comment}: {COLUMNS}" if comment else f"# {COLUMNS}"]
     for stamp, row in zip(t[:, 0], rows, strict=True):
         position, quaternion = " ".join(f"{v:.6f}" for v in row[:3]), " ".join(f"{v:.9f}" for v in row[3:])
         lines.append(f"{stamp:.6f} {position} {quaternion}")
-    with atomic_path(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return lines
 
 
 def yaw_of_quaternions(quaternions_xyzw: ArrayLike) -> Array:
@@ -75,9 +83,14 @@ def as_written(trajectory: Trajectory) -> Trajectory:
 
 def write_planar(path: Path, trajectory: Trajectory, comment: str = "") -> None:
     """Writes planar poses as a TUM file with z = 0."""
+    with atomic_path(path) as temporary:
+        temporary.write_text("\n".join(planar_lines(trajectory, comment)) + "\n", encoding="utf-8")
+
+
+def planar_lines(trajectory: Trajectory, comment: str = "") -> list[str]:
+    """The lines of the file that `write_planar` writes."""
     n, half = len(trajectory), trajectory.poses[:, 2] / 2
     zero = np.zeros(n)
     positions = np.column_stack([trajectory.poses[:, :2], zero])
-    write_tum(
-        path, trajectory.timestamps, positions, np.column_stack([zero, zero, np.sin(half), np.cos(half)]), comment
-    )
+    quaternions = np.column_stack([zero, zero, np.sin(half), np.cos(half)])
+    return tum_lines(trajectory.timestamps, positions, quaternions, comment)

@@ -1,0 +1,85 @@
+"""IFC4 and IFC2x3: the building as architects' programs exchange it; metres, map coordinates, Z up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from recon.exporters.ifc_boundaries import add_boundaries
+from recon.exporters.ifc_file import Entity, IfcFile
+from recon.exporters.ifc_rooms import add_floor, add_objects, add_rooms
+from recon.exporters.ifc_walls import Storeyed, add_walls
+from recon.exporters.options import DEFAULTS, ExportOptions
+from recon.exporters.output import Output
+from recon.model import Model
+from recon.storeys import Building, Storey, one_storey
+
+
+def write_ifc(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
+    """Project, site, building and one storey with walls, openings, rooms, floor, ceilings and furniture."""
+    return write_building_ifc(one_storey(model), stem, options)
+
+
+def write_building_ifc(building: Building, stem: str, options: ExportOptions = DEFAULTS) -> Output:
+    """As `write_ifc`, with several storeys, each at its elevation."""
+    ifc = IfcFile(options.ifc_schema, building.name)
+    project = ifc.root("IfcProject", "project", building.name or "building")
+    project.UnitsInContext = _units(ifc)
+    project.RepresentationContexts = [ifc.model]
+    notes = list(dict.fromkeys(note for storey in building.storeys for note in storey.model.notes))
+    if notes:
+        project.Description = "\n".join(notes)
+    site = _place(ifc, "IfcSite", "site", "Site", None)
+    house = _place(ifc, "IfcBuilding", "building", building.name or "building", site.ObjectPlacement)
+    _aggregate(ifc, "project", project, [site])
+    _aggregate(ifc, "site", site, [house])
+    floors = [_storey(ifc, storey, house) for storey in building.storeys]
+    _aggregate(ifc, "building", house, floors)
+    return Output(ifc.to_bytes())
+
+
+def _place(ifc: IfcFile, kind: str, key: str, name: str, parent: Entity | None) -> Entity:
+    place = ifc.placement(parent)
+    return ifc.root(kind, key, name, ObjectPlacement=place, CompositionType="ELEMENT")
+
+
+def _storey(ifc: IfcFile, storey: Storey, house: Entity) -> Entity:
+    place = ifc.placement(house.ObjectPlacement, (0.0, 0.0, storey.elevation))
+    entity = ifc.root(
+        "IfcBuildingStorey",
+        storey.name,
+        storey.name,
+        ObjectPlacement=place,
+        CompositionType="ELEMENT",
+        Elevation=float(storey.elevation),
+    )
+    at, layout = Storeyed(ifc, entity, storey.name), storey.model.layout
+    walls = add_walls(at, layout)
+    rooms = add_rooms(at, layout)
+    slabs = add_floor(at, rooms, walls)
+    things = [wall.entity for wall in walls]
+    things += [o.filling for wall in walls for o in wall.openings if o.filling is not None]
+    things += [*slabs, *(room.ceiling for room in rooms), *add_objects(at, layout)]
+    _aggregate(ifc, f"{storey.name}/rooms", entity, [room.space for room in rooms])
+    if things:
+        kind = "IfcRelContainedInSpatialStructure"
+        ifc.root(kind, storey.name, RelatedElements=things, RelatingStructure=entity)
+    add_boundaries(at, layout, rooms, walls, slabs)
+    return entity
+
+
+def _aggregate(ifc: IfcFile, key: str, whole: Entity, parts: Sequence[Entity]) -> None:
+    if parts:
+        ifc.root("IfcRelAggregates", key, RelatingObject=whole, RelatedObjects=list(parts))
+
+
+def _units(ifc: IfcFile) -> Entity:
+    units = [
+        ifc.create("IfcSIUnit", UnitType=kind, Name=name)
+        for kind, name in (
+            ("LENGTHUNIT", "METRE"),
+            ("AREAUNIT", "SQUARE_METRE"),
+            ("VOLUMEUNIT", "CUBIC_METRE"),
+            ("PLANEANGLEUNIT", "RADIAN"),
+        )
+    ]
+    return ifc.create("IfcUnitAssignment", Units=units)

@@ -1,0 +1,106 @@
+"""Where rooms touch walls, doors, floor and ceiling: first-level space boundaries of an IFC file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from recon.exporters.ifc_file import Entity, IfcFile
+from recon.exporters.ifc_rooms import RoomPart, polygons
+from recon.exporters.ifc_walls import Opening, Storeyed, WallPart
+from recon.geometry import Array
+from recon.holes import rooms_before
+from recon.model import Layout, Wall
+
+SHORTEST = 0.01
+"""m: shorter stretches of a face bound no room."""
+
+
+def add_boundaries(
+    at: Storeyed, layout: Layout, rooms: Sequence[RoomPart], walls: Sequence[WallPart], slabs: Sequence[Entity]
+) -> None:
+    """A relation of every room to the faces of walls around it, to what fills or leaves open their openings, to floor
+    and ceiling. Surfaces are in the coordinates of the space, which are those of its storey.
+    """
+    before, parts = rooms_before(layout), {part.room.id: part for part in rooms}
+    for number, wall in enumerate(walls):
+        sides = [(face, parts[room.id]) for face in wall.solid.faces
+                 if (room := before[face.id]) is not None and room.id in parts]  # fmt: skip
+        between = len({face.normal @ wall.solid.normal > 0 for face, _ in sides}) == 2
+        for face, part in sides:
+            key, inside = f"{at.key}/{part.room.id}/{number}/{face.id}", "INTERNAL" if between else "NOTDEFINED"
+            _face(at.ifc, key, part, wall, face, inside)
+            for opening in wall.openings:
+                _opening(at.ifc, f"{key}/{opening.doorway.id}", part, opening, face, inside)
+    for part in rooms:
+        for n, polygon in enumerate(polygons(part.polygon)):
+            ring, key = np.asarray(polygon.exterior.coords)[:-1], f"{at.key}/{part.room.id}/{n}"
+            if len(slabs) == 1:
+                _bound(at.ifc, f"{key}/floor", part.space, slabs[0], _level(at.ifc, ring, 0.0), "NOTDEFINED")
+            lid = _level(at.ifc, ring, part.height)
+            _bound(at.ifc, f"{key}/ceiling", part.space, part.ceiling, lid, "NOTDEFINED")
+
+
+def _face(ifc: IfcFile, key: str, part: RoomPart, wall: WallPart, face: Wall, inside: str) -> None:
+    """The stretch of a face that is this wall's."""
+    along = (np.asarray(wall.solid.footprint.exterior.coords) - face.start) @ face.direction
+    low, high = max(float(along.min()), 0.0), min(float(along.max()), face.length)
+    if high - low >= SHORTEST:
+        ends = face.start + np.array([[low], [high]]) * face.direction
+        _bound(ifc, key, part.space, wall.entity, _upright(ifc, ends, 0.0, part.height), inside)
+
+
+def _opening(ifc: IfcFile, key: str, part: RoomPart, opening: Opening, face: Wall, inside: str) -> None:
+    """An opening, where it is in this face; a passage is a virtual boundary."""
+    doorway = opening.doorway
+    if part.room.id not in doorway.rooms:
+        return
+    along = np.sort((np.stack([doorway.start, doorway.end]) - face.start) @ face.direction)
+    low, high = np.clip(along, 0.0, face.length)
+    if high - low < SHORTEST:
+        return
+    ends = face.start + np.array([[low], [high]]) * face.direction
+    surface = _upright(ifc, ends, max(doorway.bottom, 0.0), min(doorway.top, part.height))
+    thing = opening.void if opening.filling is None else opening.filling
+    _bound(ifc, key, part.space, thing, surface, inside, "PHYSICAL" if opening.filling is not None else "VIRTUAL")
+
+
+def _bound(
+    ifc: IfcFile, key: str, space: Entity, thing: Entity, surface: Entity, inside: str, kind: str = "PHYSICAL"
+) -> None:
+    geometry = ifc.create("IfcConnectionSurfaceGeometry", SurfaceOnRelatingElement=surface)
+    nameless = ifc.schema == "IFC2X3" and kind == "VIRTUAL"  # it allows no opening there
+    ifc.root(
+        "IfcRelSpaceBoundary1stLevel" if ifc.schema == "IFC4" else "IfcRelSpaceBoundary",
+        key,
+        "1stLevel",
+        RelatingSpace=space,
+        RelatedBuildingElement=None if nameless else thing,
+        ConnectionGeometry=geometry,
+        PhysicalOrVirtualBoundary=kind,
+        InternalOrExternalBoundary=inside,
+    )
+
+
+def _upright(ifc: IfcFile, ends: Array, bottom: float, top: float) -> Entity:
+    """The rectangle over ends (2, 2), m."""
+    line = ifc.polyline(ends)
+    return ifc.create(
+        "IfcSurfaceOfLinearExtrusion",
+        SweptCurve=ifc.create("IfcArbitraryOpenProfileDef", ProfileType="CURVE", Curve=line),
+        Position=ifc.create("IfcAxis2Placement3D", Location=ifc.point((0.0, 0.0, bottom))),
+        ExtrudedDirection=ifc.up,
+        Depth=round(float(top - bottom), 6),
+    )
+
+
+def _level(ifc: IfcFile, ring: Array, height: float) -> Entity:
+    """The polygon (n, 2) at a height, m."""
+    place = ifc.create("IfcAxis2Placement3D", Location=ifc.point((0.0, 0.0, height)))
+    return ifc.create(
+        "IfcCurveBoundedPlane",
+        BasisSurface=ifc.create("IfcPlane", Position=place),
+        OuterBoundary=ifc.polyline(ring, closed=True),
+        InnerBoundaries=[],
+    )

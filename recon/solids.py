@@ -1,0 +1,234 @@
+"""Physical walls: two faces of one wall made one body, with the ground it stands on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from recon.geometry import Array
+from recon.holes import wall_heights
+from recon.model import Layout, Wall
+from recon.plan import DRAWN_THICKNESS
+from recon.strips import Strip, grouped_strips, strips_of
+
+if TYPE_CHECKING:
+    from shapely.geometry import Polygon
+    from shapely.geometry.base import BaseGeometry
+
+CORNER = 0.01
+"""m: ends of faces nearer than this meet."""
+CONVEX = float(np.sin(np.radians(1.0)))
+SLIVER = 0.002
+"""m: half the width of leftovers that are not kept."""
+SMALLEST = 1e-3
+"""m^2 of ground under a wall, at least."""
+FLAT = 0.02
+"""m, thickness given to walls between rooms that touch."""
+SHORTEST_FLAT = 0.05
+"""m: shorter gaps between the bodies of walls are left."""
+BESIDE = 0.02
+"""m between a face and the body that it belongs to, at most."""
+
+
+@dataclass(frozen=True)
+class WallSolid:
+    """A wall that stands on the floor.
+
+    start, end: (2,) m, map frame: its middle line. thickness: m, across; seen: m of its length along which both faces
+    were seen; where that is 0, the thickness is assumed. footprint: the ground it takes, in no room and in no other
+    wall. front, back: its faces, those whose free space lies to the left of the middle line first. height: m. flat:
+    the rooms on both sides touch, so that no ground is left for the wall: it stands FLAT / 2 in each.
+    """
+
+    start: Array
+    end: Array
+    thickness: float
+    seen: float
+    footprint: Polygon
+    front: tuple[Wall, ...]
+    back: tuple[Wall, ...]
+    height: float
+    flat: bool = False
+
+    @property
+    def faces(self) -> tuple[Wall, ...]:
+        """All of them."""
+        return self.front + self.back
+
+    @cached_property
+    def length(self) -> float:
+        """m."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    @cached_property
+    def direction(self) -> Array:
+        """Unit vector (2,) from start to end."""
+        return np.asarray((self.end - self.start) / self.length)
+
+    @property
+    def normal(self) -> Array:
+        """Unit vector (2,) to the left of `direction`, into the free space before its front."""
+        return np.array([-self.direction[1], self.direction[0]])
+
+
+def wall_solids(layout: Layout) -> tuple[WallSolid, ...]:
+    """The physical walls of a layout, in the order of their first faces.
+
+    Faces of no extent have none. Corners go to the longer wall. A wall of which only one face was seen is
+    `recon.plan.DRAWN_THICKNESS` thick.
+    """
+    import shapely
+
+    walls = [wall for wall in layout.walls if wall.length > CORNER]
+    groups = [_Group(walls, strips) for strips in grouped_strips(strips_of(walls))]
+    ends = _corner_depths(walls, groups)
+    bodies = [group.body(ends) for group in groups]
+    bodies = _without(bodies, [shapely.make_valid(shapely.Polygon(room.polygon)) for room in layout.rooms])
+    order = sorted(range(len(groups)), key=lambda n: (-groups[n].seen, -groups[n].length, n))
+    heights = wall_heights(layout)
+    out: list[WallSolid] = []
+    for group, body in zip(groups, _apart(bodies, order), strict=True):
+        out += [solid for part in _parts(body) if (solid := group.solid(part, heights)) is not None]
+    return (*out, *_flat(walls, out, heights))
+
+
+def _flat(walls: Sequence[Wall], solids: Sequence[WallSolid], heights: dict[int, float]) -> list[WallSolid]:
+    """Thin walls along the stretches of faces that no body is behind; the second of two such faces joins the first."""
+    import shapely
+
+    grounds = [solid.footprint for solid in solids]
+    tree = shapely.STRtree(grounds)
+    out: list[WallSolid] = []
+    for wall in walls:
+        line = shapely.LineString([wall.start, wall.end])
+        near = [grounds[k] for k in tree.query(line, predicate="dwithin", distance=BESIDE)]
+        bare = line.difference(shapely.union_all([g.buffer(BESIDE) for g in near]))
+        for k, thin in enumerate(out):
+            if bare.length > SHORTEST_FLAT and bare.intersection(thin.footprint).length > SHORTEST_FLAT:
+                bare = bare.difference(thin.footprint.buffer(BESIDE))
+                out[k] = replace(thin, back=(*thin.back, wall), height=max(thin.height, heights[wall.id]))
+        for piece in shapely.get_parts(bare):
+            if piece.length > SHORTEST_FLAT:
+                a, b = sorted(np.asarray(piece.coords), key=lambda p: float((p - wall.start) @ wall.direction))
+                half = FLAT / 2 * wall.normal
+                ground = shapely.Polygon([a - half, b - half, b + half, a + half])
+                out.append(WallSolid(a, b, FLAT, 0.0, ground, (wall,), (), heights[wall.id], flat=True))
+    return out
+
+
+class _Group:
+    """The strips of one physical wall."""
+
+    def __init__(self, walls: Sequence[Wall], strips: list[Strip]) -> None:
+        self.walls, self.strips = walls, strips
+        deep = [s for s in strips if s.depth is not None]
+        self.seen = sum(s.length for s in deep) / 2  # each from both sides
+        weights = np.array([s.length for s in deep])
+        depths = np.array([s.depth for s in deep], dtype=np.float64)
+        self.thickness = float(weights @ depths / weights.sum()) if deep else DRAWN_THICKNESS
+        self.leader = walls[max(strips, key=lambda s: (s.length, -s.face)).face]
+        self.length = max(s.length for s in strips)
+
+    def body(self, corners: dict[tuple[int, bool], float]) -> BaseGeometry:
+        """Ground behind all strips, carried on past the corners of rooms by the depth of the walls there."""
+        import shapely
+
+        parts = []
+        for strip in self.strips:
+            wall = self.walls[strip.face]
+            depth = self.thickness if strip.depth is None else strip.depth
+            before = corners.get((strip.face, False), 0.0) if strip.low <= 0.0 else 0.0
+            after = corners.get((strip.face, True), 0.0) if strip.high >= wall.length else 0.0
+            a, b = (wall.start + s * wall.direction for s in (strip.low - before, strip.high + after))
+            parts.append(shapely.Polygon([a, b, b - depth * wall.normal, a - depth * wall.normal]))
+        return shapely.unary_union(parts)
+
+    def solid(self, footprint: Polygon, heights: dict[int, float]) -> WallSolid | None:
+        """One part of the body; None where none of the faces is beside it."""
+        import shapely
+
+        chosen = [self.walls[f] for f in sorted({strip.face for strip in self.strips})]
+        lines = shapely.linestrings(np.array([[w.start, w.end] for w in chosen]))
+        beside = shapely.length(shapely.intersection(lines, footprint.buffer(BESIDE))) > CORNER
+        touching = [wall for wall, yes in zip(chosen, beside, strict=True) if yes]
+        if not touching:
+            return None
+        along, left = self.leader.direction, self.leader.normal
+        points = shapely.get_coordinates(footprint) - self.leader.start
+        low, high = (points @ along).min(), (points @ along).max()
+        front = tuple(w for w in touching if w.normal @ left > 0)
+        middle = self._middle(front, touching) if front else float((points @ left).mean())
+        start, end = (self.leader.start + s * along + middle * left for s in (low, high))
+        back = tuple(w for w in touching if w.normal @ left <= 0)
+        height = max(heights[wall.id] for wall in touching)
+        return WallSolid(start, end, self.thickness, self.seen, footprint, front, back, height)
+
+    def _middle(self, front: Sequence[Wall], touching: Sequence[Wall]) -> float:
+        """m from the leader's face to the middle line, along its normal."""
+        offsets = [0.5 * float((w.start + w.end - 2 * self.leader.start) @ self.leader.normal) for w in front]
+        lengths = [w.length for w in front]
+        return float(np.average(offsets, weights=lengths)) - self.thickness / 2
+
+
+def _corner_depths(walls: Sequence[Wall], groups: Sequence[_Group]) -> dict[tuple[int, bool], float]:
+    """By face and end (True: its end), m: thickness of the wall that it meets in a corner with the room inside."""
+    from scipy.spatial import cKDTree
+
+    if not walls:
+        return {}
+    starts = cKDTree(np.array([w.start for w in walls]))
+    first, last = [DRAWN_THICKNESS] * len(walls), [DRAWN_THICKNESS] * len(walls)
+    for group in groups:
+        for strip in group.strips:
+            if strip.low <= 0.0:
+                first[strip.face] = group.thickness if strip.depth is None else strip.depth
+            if strip.high >= walls[strip.face].length:
+                last[strip.face] = group.thickness if strip.depth is None else strip.depth
+    out: dict[tuple[int, bool], float] = {}
+    for i, wall in enumerate(walls):
+        for k in sorted(starts.query_ball_point(wall.end, CORNER)):
+            other = walls[k].direction
+            if wall.direction[0] * other[1] - wall.direction[1] * other[0] > CONVEX:
+                out[i, True] = max(out.get((i, True), 0.0), first[k])
+                out[k, False] = max(out.get((k, False), 0.0), last[i])
+    return out
+
+
+def _without(bodies: list[BaseGeometry], rooms: list[BaseGeometry]) -> list[BaseGeometry]:
+    """Bodies less the rooms that they reach into."""
+    import shapely
+
+    tree = shapely.STRtree(rooms)
+    out = []
+    for body in bodies:
+        for k in np.sort(tree.query(body, predicate="intersects")):
+            body = body.difference(rooms[k])
+        out.append(body)
+    return out
+
+
+def _apart(bodies: list[BaseGeometry], order: Sequence[int]) -> list[BaseGeometry]:
+    """Bodies less those that come before them in `order`."""
+    import shapely
+
+    tree = shapely.STRtree(bodies)
+    rank = {n: place for place, n in enumerate(order)}
+    out = list(bodies)
+    for n in order:
+        for k in np.sort(tree.query(bodies[n], predicate="intersects")):
+            if rank[int(k)] < rank[n]:
+                out[n] = out[n].difference(bodies[k])
+    return out
+
+
+def _parts(body: BaseGeometry) -> list[Polygon]:
+    """Its polygons, without slivers; from the largest down."""
+    import shapely
+
+    solid = body.buffer(-SLIVER, join_style="mitre").buffer(SLIVER, join_style="mitre").intersection(body)
+    parts = [p for p in shapely.get_parts(solid) if p.geom_type == "Polygon" and p.area >= SMALLEST]
+    return sorted((shapely.orient_polygons(p) for p in parts), key=lambda p: (-round(p.area, 6), p.bounds))

@@ -116,13 +116,14 @@ def yaw_density(frames: CalibrationFrames, camera: Camera, vertical: Array) -> A
 
 
 def yaw_candidates(density: Array) -> Array:
-    """Yaws (rad) of the highest peaks of the density, each with its opposite."""
+    """Yaws (rad) of the highest peaks of the density, each in all four quadrants: lines run along walls and across."""
     from scipy.ndimage import maximum_filter1d
 
-    peaks = np.flatnonzero(density == maximum_filter1d(density, 41, mode="wrap"))
-    peaks = peaks[np.argsort(-density[peaks], kind="stable")][:YAW_PEAKS]
+    folded = density[: YAW_BINS // 2] + density[YAW_BINS // 2 :]
+    peaks = np.flatnonzero(folded == maximum_filter1d(folded, 41, mode="wrap"))
+    peaks = peaks[np.argsort(-folded[peaks], kind="stable")][:YAW_PEAKS]
     yaws = (peaks + 0.5) * np.pi / YAW_BINS
-    return wrap_angle(np.concatenate([yaws, yaws + np.pi]))
+    return wrap_angle(np.concatenate([yaws + k * np.pi / 2 for k in range(4)]))
 
 
 def _aligned(yaw: float, density: Array) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from recon.cli.building_options import building_options
 from recon.cli.mesh_options import mesh_options
 from recon.cli.options import PATH, configuration, examples, resolve_config, topic_choice, verbosity, warn
 
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     help="CSV of surveyed points: time,x,y,sigma or wall_a,wall_b,x,y,sigma; may be repeated.",
 )
 @configuration
+@building_options
 @mesh_options
 @verbosity
 def build(
@@ -66,6 +68,7 @@ def build(
     config_file: Path | None,
     seed: int | None,
     workers: int | None,
+    buildings: dict[str, Any],
     meshes: dict[str, Any],
     quiet: bool,
 ) -> None:
@@ -88,7 +91,7 @@ def build(
     config = resolve_config(config_file, seed, workers)
     if backend is not None:
         config = replace(config, graph=replace(config.graph, backend=backend))
-    options = ExportOptions(**meshes)
+    options = ExportOptions(**meshes, **buildings)
     check_outputs(list(outputs), options)
     folder = work_folder(outputs, work)
     measured = Measured(read_tape(tape) if tape else None, read_control(control) if control else None)

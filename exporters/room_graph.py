@@ -13,20 +13,20 @@ from recon.geometry import Array
 from recon.model import Model, Room
 from recon.plan import label_spot
 
-OUTSIDE = "outside"
+BEYOND = "unknown"
 """Node of everything behind doorways of which only one side was seen."""
 
 
 def write_room_graph(model: Model, stem: str) -> Output:
     """Node-link JSON, as networkx reads it: rooms are nodes, doors and passages edges; windows are no way through.
 
-    A doorway with no known room behind it leads to the node `outside`. Rooms that share two doors have two edges.
+    A doorway with no known room behind it leads to the node `unknown`. Rooms that share two doors have two edges.
     """
     ways = [d for d in doorways(model.layout) if d.type != "window" and d.rooms[0] != d.rooms[1]]
     edges = [edge for way in ways if (edge := _edge(way)) is not None]
     nodes = [_node(room) for room in model.layout.rooms]
-    if any(OUTSIDE in (edge["source"], edge["target"]) for edge in edges):
-        nodes.append({"id": OUTSIDE, "name": OUTSIDE})
+    if any(BEYOND in (edge["source"], edge["target"]) for edge in edges):
+        nodes.append({"id": BEYOND, "name": BEYOND})
     head = {"directed": False, "multigraph": True, "graph": {"name": model.name, "frame": "map", "units": "m"}}
     lines = [f' "{key}": {json.dumps(value, ensure_ascii=False)}' for key, value in head.items()]
     for key, items in (("nodes", nodes), ("edges", edges)):
@@ -43,7 +43,7 @@ def _node(room: Room) -> dict[str, Any]:
 
 def _edge(way: Doorway) -> dict[str, Any] | None:
     """at: the middle of the doorway. Its key is the first of its openings in layout.json."""
-    source, target = (OUTSIDE if room is None else room for room in way.rooms)
+    source, target = (BEYOND if room is None else room for room in way.rooms)
     if source == target:
         return None
     return {

@@ -58,6 +58,23 @@ def load_layout(folder: Path) -> Layout:
     return layout_from_json(_json(path), str(path))
 
 
+def load_survey(folder: Path) -> tuple[float, float, float] | None:
+    """survey_from_map (x, y in m, yaw in rad) of a result that was tied to surveyed points, None of any other.
+
+    Raises InputError where metrics.json is damaged.
+    """
+    path = folder / "metrics.json"
+    content = _json(path) if path.exists() else {}
+    try:
+        control = content.get("control")
+        if control is None:
+            return None
+        x, y, yaw = (float(v) for v in control["survey_from_map"])
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: is damaged ({error!r}), expected what recon build wrote") from None
+    return x, y, yaw
+
+
 def load_residuals(folder: Path) -> dict[str, float]:
     """Residuals by kind of factor from a result's metrics.json, empty without one; InputError where it is damaged."""
     path = folder / "metrics.json"

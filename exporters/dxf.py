@@ -32,6 +32,9 @@ UNITS: dict[Units, tuple[float, int, int, int]] = {"m": (1.0, 6, 1, 2), "mm": (1
 """Drawing units in a metre; $INSUNITS, $MEASUREMENT and $LUNITS."""
 DASH, GAP = 1.6, 1.0
 """mm on paper."""
+DASHED = "RECON_DASHED"
+"""Its lengths are drawing units; some programs put their own, for millimetres, in place of what is called DASHED."""
+BY_LAYER = 256
 STYLE = "RECON"
 """Name of the text style and of the dimension style."""
 
@@ -90,14 +93,14 @@ def _set_up(document: Document, floors: Sequence[Floor], options: DrawingOptions
     header["$INSUNITS"], header["$MEASUREMENT"], header["$LUNITS"] = insunits, measurement, lunits
     header["$LUPREC"], header["$PSLTSCALE"], header["$DIMSTYLE"] = 3, 0, STYLE
     document.appids.add(APPLICATION)
-    document.linetypes.add("DASHED", [(DASH + GAP) * mm, DASH * mm, -GAP * mm], description="_ _ _ _")
+    document.linetypes.add(DASHED, [(DASH + GAP) * mm, DASH * mm, -GAP * mm], description="_ _ _ _")
     document.styles.add(STYLE, font="arial.ttf")
     _dimension_style(document, mm, options)
     for suffix, _, _ in floors:
         for layer in LAYERS:
             name = layer_name(layer, options, suffix)
             if name not in document.layers:
-                kind = {"linetype": "DASHED"} if layer.dashed else {}
+                kind = {"linetype": DASHED} if layer.dashed else {}
                 row = document.layers.add(name, color=layer.colour, lineweight=round(layer.pen * 100), **kind)
                 row.dxf.plot = int(layer.plotted)
     turn = np.array([[np.cos(first.angle), -np.sin(first.angle)], [np.sin(first.angle), np.cos(first.angle)]])
@@ -129,13 +132,15 @@ def _dimension_style(document: Document, mm: float, options: DrawingOptions) -> 
     from recon.plan.inner import HEIGHT
 
     style = document.dimstyles.new(STYLE)
-    sizes = {"dimtxt": HEIGHT, "dimtsz": TICK, "dimasz": TICK, "dimgap": RISE, "dimexe": BEYOND, "dimfxl": BEYOND}
-    for name, value in (sizes | {"dimexo": 0.5}).items():
-        style.set_dxf_attrib(name, value * mm)
+    sizes = {"dimtxt": HEIGHT, "dimtsz": TICK, "dimasz": TICK, "dimgap": RISE / 2, "dimexe": BEYOND, "dimfxl": BEYOND}
+    lengths = {name: value * mm for name, value in (sizes | {"dimexo": 0.5}).items()}
     decimals = {"m": 3, "mm": 0, "ft": 3}[options.units]
-    fixed = {"dimdec": decimals, "dimzin": 0, "dimrnd": 0.0, "dimdsep": 46, "dimtad": 1, "dimtmove": 2, "dimtih": 0}
-    for name, value in (fixed | {"dimtoh": 0, "dimscale": 1.0, "dimlfac": 1.0, "dimfxlon": 1, "dimlunit": 2}).items():
+    fixed = {"dimdec": decimals, "dimzin": 0, "dimdsep": 46, "dimtad": 1, "dimtmove": 2, "dimtih": 0}
+    colours = dict.fromkeys(("dimclrd", "dimclre", "dimclrt"), BY_LAYER)
+    fixed |= {"dimtoh": 0, "dimscale": 1.0, "dimlfac": 1.0, "dimfxlon": 1, "dimlunit": 2}
+    for name, value in (lengths | fixed | colours).items():
         style.set_dxf_attrib(name, value)
+        document.header[f"${name.upper()}"] = value  # what programs go by that know no styles
     style.dxf.dimtxsty = STYLE
 
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from recon.geometry import Array
+from recon.geometry import Array, rotation2
 from recon.model import Opening, Wall
 from recon.plan.drawing import Dimension, Drawing, Element, Fill, Polyline, Source, Text, parts
+from recon.plan.inner import reading_angle
 from recon.plan.layers import Layer
 from recon.plan.options import DrawingOptions
 from recon.plan.quantity import length_text
@@ -89,22 +90,25 @@ class Pencil:
     def _dimension(self, dimension: Dimension) -> Any:
         """A linear dimension; the program measures it itself and adds what is known of its accuracy."""
         start, end, base = self._points(np.stack([dimension.start, dimension.end, dimension.line[0]]))
-        way = dimension.line[1] - dimension.line[0]
+        angle = reading_angle(dimension.line[1] - dimension.line[0])
         override = {} if dimension.extensions else {"dimse1": 1, "dimse2": 1}
         drawn = self.space.add_linear_dim(
             base=base,
             p1=start,
             p2=end,
-            angle=float(np.degrees(np.arctan2(way[1], way[0]))),
+            angle=float(np.degrees(angle)),
             text=self._figures(dimension),
             dimstyle=STYLE,
             override=override,
             dxfattribs=self._attributes(dimension.layer),
         )
         if dimension.text is not None:
-            middle = dimension.text.box.mean(axis=0)
+            middle = dimension.text.at + rotation2(angle) @ np.array([0.0, dimension.text.height / 2])
             drawn.set_location(self._points(middle[None])[0])
         drawn.render()
+        for part in drawn.dimension.get_geometry_block() or ():
+            if part.dxf.layer == "0":
+                part.dxf.layer = drawn.dimension.dxf.layer
         if dimension.sigma is not None:
             drawn.dimension.set_xdata(APPLICATION, [(1000, "sigma"), (1040, float(dimension.sigma))])
         return drawn.dimension

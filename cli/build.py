@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from recon.cli.building_options import building_options
+from recon.cli.drawing_options import check_drawings, drawing_options
 from recon.cli.mesh_options import mesh_options
 from recon.cli.options import PATH, configuration, examples, resolve_config, topic_choice, verbosity, warn
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from recon.config import Config
     from recon.exporters.options import ExportOptions
     from recon.measured import Measured
+    from recon.plan.options import DrawingOptions
     from recon.sequence.sequence import Sequence
 
 
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
 )
 @configuration
 @building_options
+@drawing_options
 @mesh_options
 @verbosity
 def build(
@@ -69,6 +72,7 @@ def build(
     seed: int | None,
     workers: int | None,
     buildings: dict[str, Any],
+    drawings: dict[str, Any],
     meshes: dict[str, Any],
     quiet: bool,
 ) -> None:
@@ -91,7 +95,8 @@ def build(
     config = resolve_config(config_file, seed, workers)
     if backend is not None:
         config = replace(config, graph=replace(config.graph, backend=backend))
-    options = ExportOptions(**meshes, **buildings)
+    options = ExportOptions(**meshes, **buildings, drawing=DrawingOptions(**drawings))
+    check_drawings(drawings, outputs)
     check_outputs(list(outputs), options)
     folder = work_folder(outputs, work)
     measured = Measured(read_tape(tape) if tape else None, read_control(control) if control else None)

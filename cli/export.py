@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from recon.cli.building_options import building_options
+from recon.cli.drawing_options import check_drawings, drawing_options
 from recon.cli.mesh_options import mesh_options
 from recon.cli.options import PATH, examples, verbosity, warn
 from recon.cli.storeys import Place, check_storeys, load_building
@@ -42,6 +43,7 @@ from recon.cli.storeys import Place, check_storeys, load_building
     help="X Y DEGREES of each result's map in the building (default: by survey, else as they are).",
 )
 @building_options
+@drawing_options
 @mesh_options
 @verbosity
 def export(
@@ -51,6 +53,7 @@ def export(
     elevations: tuple[float, ...],
     places: tuple[Place, ...],
     buildings: dict[str, Any],
+    drawings: dict[str, Any],
     meshes: dict[str, Any],
     quiet: bool,
 ) -> None:
@@ -61,9 +64,11 @@ def export(
     from recon.exporters import building_writer_for, check_outputs, export_building
     from recon.exporters import export as write
     from recon.exporters.options import ExportOptions
+    from recon.plan.options import DrawingOptions
     from recon.results import load_model
 
-    options = ExportOptions(**meshes, **buildings)
+    options = ExportOptions(**meshes, **buildings, drawing=DrawingOptions(**drawings))
+    check_drawings(drawings, outputs)
     check_outputs(list(outputs), options)
     check_storeys(results, storeys, elevations, places)
     if storeys:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -46,6 +47,8 @@ class DrawingOptions:
     def __post_init__(self) -> None:
         if self.scale is not None and not 1 <= self.scale <= 100_000:
             raise ConfigError(f"scale is 1:{self.scale}, expected 1:1 to 1:100000")
+        if self.north is not None and not math.isfinite(self.north):
+            raise ConfigError(f"north is {self.north}, expected degrees")
         for name, value, known in (
             ("paper", self.paper, (None, *PAPERS)),
             ("units", self.units, get_args(Units)),

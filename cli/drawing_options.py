@@ -1,0 +1,70 @@
+"""Options of plans, for every command that draws them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+
+NAMES = ("scale", "paper", "units", "layers", "dxf_profile", "sigmas", "north")
+"""Fields of `DrawingOptions`."""
+PAPERS = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid", "ansi-c", "ansi-d", "ansi-e")
+
+
+class Scale(click.ParamType):
+    """`50` or `1:50`."""
+
+    name = "1:n"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """The n of 1:n."""
+        number = str(value).removeprefix("1:")
+        if not number.isascii() or not number.isdigit() or not 1 <= int(number) <= 100_000:
+            self.fail(f"{value!r} is no scale, expected one like 50 or 1:50.", param, ctx)
+        return int(number)
+
+
+def drawing_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Adds the options and gives the command those that were used, by field of `DrawingOptions`, as `drawings`."""
+
+    @functools.wraps(command)
+    def collected(*args: Any, **kwargs: Any) -> Any:
+        given = {name: kwargs.pop(name) for name in NAMES}
+        return command(*args, drawings={k: v for k, v in given.items() if v is not None}, **kwargs)
+
+    wrapped: Any = collected
+    for option in reversed(_OPTIONS):
+        wrapped = option(wrapped)
+    return wrapped
+
+
+def check_drawings(drawings: Iterable[str], outputs: Iterable[Path]) -> None:
+    """Raise UsageError where an option is of plans and no output is one, or of DXF and no output is that."""
+    from recon.exporters import DRAWINGS
+
+    suffixes = {path.suffix.lower() for path in outputs}
+    for name in drawings:
+        option = "--" + ("no-sigmas" if name == "sigmas" else name.replace("_", "-"))
+        fitting = {".dxf"} if name == "dxf_profile" else {".dxf", ".svg"} if name == "layers" else DRAWINGS
+        if not suffixes & fitting:
+            raise click.UsageError(f"{option} is for {' '.join(sorted(fitting))}, and no output is one.")
+
+
+_OPTIONS = (
+    click.option("--scale", type=Scale(), help="Of plans: 50, 100, 200 ... (default: what fits)."),
+    click.option("--paper", type=click.Choice(PAPERS, case_sensitive=False), help="Of plans (default: what fits)."),
+    click.option(
+        "--units", type=click.Choice(["m", "mm", "ft"]), help="Of plans: metres (default), mm, feet and inches."
+    ),
+    click.option("--layers", type=click.Choice(["aia", "iso"]), help="Names of layers: AIA/NCS (default), ISO 13567."),
+    click.option(
+        "--dxf-profile",
+        type=click.Choice(["cad", "plain"]),
+        help="DXF R2018 with everything (default), or R2000 with polylines and texts only.",
+    ),
+    click.option("--no-sigmas", "sigmas", flag_value=False, default=None, help="Dimensions without ± on plans."),
+    click.option("--north", type=float, help="Of plans: degrees from the map's x axis to north, counter-clockwise."),
+)

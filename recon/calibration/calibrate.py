@@ -46,10 +46,20 @@ def calibrate(
         return None
     found = search.lowest_plane(best)
     pose = found.refined.platform_from_camera
-    images, fraction = _consensus(frames, search.counts(found.refined))
+    images, fraction = _consensus(frames, search.counts((best if found.faint else found).refined))
     if best.evidence < MIN_EVIDENCE or len(images) < MIN_CONSENSUS:
         return None
-    return Calibration(pose, found.refined.covariance, "estimated", images, fraction)
+    warnings = (_faint(found.refined),) if found.faint else ()
+    return Calibration(pose, found.refined.covariance, "estimated", images, fraction, warnings)
+
+
+def _faint(refined: Refinement) -> str:
+    """What to say where most images show a line above the floor only."""
+    height, sigma = refined.platform_from_camera.translation[2], float(np.sqrt(refined.covariance[5, 5]))
+    return (
+        f"few images show where walls meet the floor, most an edge above it (baseboards); the camera is taken to be "
+        f"{height:.3f} +- {sigma:.3f} m above the floor, measure it and give extrinsics.yaml if that is wrong"
+    )
 
 
 def check_given(frames: CalibrationFrames, camera: Camera, vertical: tuple[Array, float], given: Pose3) -> Calibration:

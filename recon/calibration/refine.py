@@ -21,6 +21,7 @@ MIN_MATCHES = 4
 RIGID = np.array([True] * 7 + [False])
 RIGID_TIMED = np.array([True] * 8)
 SIMILARITY = np.array([False, False, True, True, True, True, False, False])
+HEIGHT = np.array([False] * 5 + [True] + [False] * 2)
 """Which of roll, pitch, yaw (rad, about the platform axes), x, y, z (m), foot offset (m) and time offset (s) are
 free."""
 

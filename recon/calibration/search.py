@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.calibration.refine import Refinement, refine
+from recon.calibration.refine import HEIGHT, Refinement, refine
 from recon.calibration.support import CalibrationFrames, score, support
 from recon.calibration.voting import MAX_YAW, blind_starts, vote, yaw_density
 from recon.geometry import Array, Pose3
@@ -21,6 +21,11 @@ HIGHEST_MIRRORED = 0.5  # m above the plane found: what a shining floor may show
 PLANE_PEAK, PLANE_EVIDENCE = 0.3, 0.4  # of the score and the evidence of the plane found
 PLANE_FRACTION = 0.5  # of the share of projected feet that the plane found explains, in a band of distance
 MAX_SILENT = 0.15  # of all projected feet, in bands with less
+FAINT_PLANE = 0.35  # m below the plane found, at most, to a floor that few lines show: baseboards are no higher
+FAINT_SHARE, FAINT_CONTRAST = 0.1, 2.0  # of the feet that lines explain there, above that around it, and over it
+FAINT_AROUND = 0.12  # m of height
+FAINT_BAND, FAINT_LEVEL = 0.08, 0.5  # bands with this share of the feet explain that part of what all explain
+FAINT_SHIFT = 0.02  # m that the camera may seem to stand elsewhere
 BANDS = (0.8, 1.1, 1.4, 2.0, 3.0, 5.0)  # m from the camera to the wall
 MIN_FOOT = 80.0  # pixels of foot in an image before it counts
 MIN_FRACTION = 0.4  # of the feet in an image that lines must explain: the paper's inlier threshold
@@ -28,10 +33,14 @@ MIN_FRACTION = 0.4  # of the feet in an image that lines must explain: the paper
 
 @dataclass(frozen=True)
 class Found:
-    """A refined pose and its evidence, in standard deviations above chance."""
+    """A refined pose and its evidence, in standard deviations above chance.
+
+    faint: the height is of few lines, all else of a plane above the floor that many show.
+    """
 
     evidence: float
     refined: Refinement
+    faint: bool = False
 
 
 class PoseSearch:
@@ -90,23 +99,40 @@ class PoseSearch:
         A baseboard's upper edge or a chair rail runs parallel to the wall's foot all around the building and explains
         the LiDAR as well as the foot; the floor is the lowest plane that lines support. A border on the floor supports
         one only at some distances: the scale that suits near walls does not suit far ones. A shining floor shows the
-        baseboard once more below it.
+        baseboard once more below it. On a carpet the foot itself shows in a few places only; there a plane no lower
+        than baseboards are high is the floor if it stands out from the planes around it, near and far alike.
         """
         pose, offset = found.refined.platform_from_camera, found.refined.foot_offset
         lower = 0.01 * np.arange(-round(100 * HIGHEST_MIRRORED), round(100 * LOWEST_PLANE) + 2)
         poses = [Pose3(pose.rotation, pose.translation + np.array([0.0, 0.0, z])) for z in lower]
         counts = (support(self._frames, self._camera, p, self._tolerance, None, offset) for p in poses)
-        values = np.array([score(c) for c in counts])
-        peak = np.zeros(len(values), np.bool_)
-        peak[1:-1] = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])
-        peak &= values > PLANE_PEAK * values[np.abs(lower) < 0.025].max()
-        for i in np.flatnonzero(peak & (lower > NEXT_PLANE))[::-1]:
-            if is_reflection(i, np.flatnonzero(peak), values):
+        totals = np.array([c.sum(axis=0) for c in counts])
+        values = np.array([score(c[None]) for c in totals])
+        every = np.zeros(len(values), np.bool_)
+        every[1:-1] = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])
+        peak = every & (values > PLANE_PEAK * values[np.abs(lower) < 0.025].max())
+        faint = every & ~peak & (lower <= FAINT_PLANE) & _stands_out(totals[:, 0] / np.maximum(totals[:, 1], 1.0))
+        for i in np.flatnonzero((peak | faint) & (lower > NEXT_PLANE))[::-1]:
+            if is_reflection(i, np.flatnonzero(peak if peak[i] else every), values):
                 continue
             candidate = self.refine(poses[i])
-            if candidate is not None and self._is_floor(candidate, found):
+            if candidate is None:
+                continue
+            if peak[i] and self._is_floor(candidate, found):
                 return candidate
+            if faint[i] and self._is_faint_floor(candidate, found):
+                return self._lowered(found, poses[i])
         return found
+
+    def _lowered(self, found: Found, pose: Pose3) -> Found:
+        """What was found with its height alone from the lines that the plane at `pose` has."""
+        tolerances = tuple(self._tolerance * f for f in REFINEMENT)
+        refined = refine(self._frames, self._camera, pose, self._vertical, tolerances, HEIGHT)
+        if refined is None:
+            return found
+        covariance = found.refined.covariance + refined.covariance
+        refined = replace(refined, covariance=covariance, foot_offset=found.refined.foot_offset)
+        return Found(found.evidence, refined, faint=True)
 
     def _is_floor(self, candidate: Found, found: Found) -> bool:
         """Whether a plane below has evidence, and its lines explain near walls and far ones alike."""
@@ -116,6 +142,16 @@ class PoseSearch:
         share, usual = (c[:, 0] / np.maximum(c[:, 1], 1.0) for c in (mine, theirs))
         silent = share < PLANE_FRACTION * usual
         return bool(mine[silent, 1].sum() < MAX_SILENT * mine[:, 1].sum())
+
+    def _is_faint_floor(self, candidate: Found, found: Found) -> bool:
+        """Whether a plane below that few lines show has the camera where it was, and shows near and far alike."""
+        moved = candidate.refined.platform_from_camera.translation - found.refined.platform_from_camera.translation
+        if np.linalg.norm(moved[:2]) > FAINT_SHIFT:
+            return False
+        bands = self._by_distance(candidate.refined)
+        seen = bands[bands[:, 1] > FAINT_BAND * bands[:, 1].sum()]
+        explained, projected = bands.sum(axis=0)
+        return bool((seen[:, 0] / seen[:, 1] > FAINT_LEVEL * explained / projected).all() and len(seen) > 1)
 
     def _by_distance(self, refined: Refinement) -> Array:
         """(BANDS, 2) explained and projected pixels of the feet of walls at growing distance from the camera."""
@@ -150,6 +186,14 @@ class PoseSearch:
         pose, offset = refined.platform_from_camera, refined.foot_offset
         tolerances = (self._tolerance, self._tolerance / 2)
         return sum(score(support(self._frames, self._camera, pose, t, None, offset)) for t in tolerances)
+
+
+def _stands_out(share: Array) -> NDArray[np.bool_]:
+    """(N,) whether planes 1 cm apart, of which lines explain these shares (N,), do so better than those around."""
+    from scipy.ndimage import median_filter
+
+    around = median_filter(share, size=2 * round(100 * FAINT_AROUND) + 1, mode="nearest")
+    return np.asarray((share - around > FAINT_SHARE) & (share > FAINT_CONTRAST * around))
 
 
 def is_reflection(plane: int, peaks: NDArray[np.int64], values: Array) -> bool:

@@ -7,7 +7,7 @@ avoid whatever the images place differently.
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,9 @@ def choose_views(cost: Grid, view: Views, deviation: Grid, shape: tuple[int, int
     own = np.where(np.isfinite(cost), cost, LARGE).astype(np.float32).reshape(full)
     leave = (SEAM_LEVEL * np.minimum(deviation, MOST) + SEAM / 2).astype(np.float32).reshape(full)
     label = view.reshape(full)
-    field = _Field(own, leave, label)
+    from recon.texture.kernels import send
+
+    field = _Field(own, leave, label, send)
     for _ in range(SWEEPS):
         for axis in (1, 0):
             field.sweep(axis)
@@ -47,8 +49,8 @@ def choose_views(cost: Grid, view: Views, deviation: Grid, shape: tuple[int, int
 class _Field:
     """Messages between blocks. Axis 0: from above and from below; axis 1: from the left and from the right."""
 
-    def __init__(self, own: Grid, leave: Grid, label: Views) -> None:
-        self.own, self.leave = own, leave
+    def __init__(self, own: Grid, leave: Grid, label: Views, send: Callable[..., None]) -> None:
+        self.own, self.leave, self.send = own, leave, send
         self.known = np.asarray((label >= 0).any(axis=2))
         self.messages = {(axis, step): np.zeros_like(own) for axis in (0, 1) for step in (1, -1)}
         self.twins = {(axis, step): _twins(label, axis, step) for axis in (0, 1) for step in (1, -1)}
@@ -64,17 +66,8 @@ class _Field:
             self._pass(axis, step, np.moveaxis(np.asarray(across), axis, 0))
 
     def _pass(self, axis: int, step: int, base: Grid) -> None:
-        leave, known = np.moveaxis(self.leave, axis, 0), np.moveaxis(self.known, axis, 0)
-        twin = np.moveaxis(self.twins[axis, step], axis, 0)
-        message = np.moveaxis(self.messages[axis, step], axis, 0)
-        lines = range(len(leave))[::step]
-        for source, target in pairwise(lines):
-            state = base[source] + message[source]
-            change = (state + leave[source]).min(axis=1)[:, None] + leave[target]
-            stay = np.take_along_axis(state, np.maximum(twin[target], 0), axis=1)
-            sent = np.where(twin[target] >= 0, np.minimum(change, stay), change)
-            sent -= sent.min(axis=1, keepdims=True)
-            message[target] = np.where((known[source] & known[target])[:, None], sent, 0)
+        fields = (self.leave, self.known, self.twins[axis, step], self.messages[axis, step])
+        self.send(step, base, *(np.moveaxis(field, axis, 0) for field in fields))
 
 
 def _twins(label: Views, axis: int, step: int) -> NDArray[np.int64]:

@@ -74,13 +74,20 @@ def probe(rig: Rig, face: Face, images: list[int]) -> csr_array:
     starts = np.zeros(len(images) + 1, np.int64)
     for k, i in enumerate(images):
         pose = rig.poses[i]
-        if pose is not None:
+        starts[k + 1] = starts[k]
+        if pose is not None and faces_it(rig.lens, pose, face):
             sight = _visible(rig.scene, pose, points, look(rig.lens, pose, points, canvas.axes, 0.01))
             values.append(np.sqrt(sight.fine * sight.coarse).astype(np.float32))
             columns.append(sight.index)
-        starts[k + 1] = starts[k] + (len(columns[-1]) if pose is not None else 0)
+            starts[k + 1] += len(sight.index)
     table = np.concatenate(values), np.concatenate(columns), starts
     return sparse.csr_array(table, shape=(len(images), len(points)))
+
+
+def faces_it(lens: Lens, map_from_camera: Pose3, face: Face) -> bool:
+    """Whether the camera is before a face and the face may reach into the image: no is sure."""
+    before = (map_from_camera.translation - face.vertices[0]) @ face.normal > 0
+    return bool(before) and lens.may_see(map_from_camera, face.vertices)
 
 
 def best_resolution(seen: csr_array) -> float | None:
@@ -123,6 +130,8 @@ def _observe(rig: Rig, canvases: list[Canvas], pose: Pose3, image: Image) -> lis
     levels = pyramid(image)
     out = []
     for k, canvas in enumerate(canvases):
+        if not faces_it(rig.lens, pose, canvas.face):
+            continue
         points, some = canvas.block_points
         size = BLOCK * canvas.texel
         inner = np.flatnonzero(some)

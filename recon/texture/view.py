@@ -45,6 +45,12 @@ class Lens:
         radius = float(np.linalg.norm(border, axis=1).max())
         return Lens(camera, 1.02 * radius, low - 0.02 * (high - low), high + 0.02 * (high - low))
 
+    def may_see(self, map_from_camera: Pose3, corners: Array) -> bool:
+        """Whether the convex hull of points (N, 3), map frame, may reach into the image's cone: no is sure."""
+        x, y, z = map_from_camera.inverse().apply(corners).T
+        outside = (z <= NEAR, x <= self.low[0] * z, x >= self.high[0] * z, y <= self.low[1] * z, y >= self.high[1] * z)
+        return not any(side.all() for side in outside)
+
     def project(self, points: Array) -> Array:
         """Points (N, 3), camera frame, as pixels (N, 2) of the raw image; nan outside the cone that it covers."""
         x, y, z = points.T
@@ -70,29 +76,23 @@ class Sight:
 
 
 def look(lens: Lens, map_from_camera: Pose3, points: Array, axes: Array, spacing: float) -> Sight:
-    """Which of points (N, 3), map frame, lie in the image, and how well patches of `spacing` m there are resolved.
+    """Which of points (N, 3) of a plane, map frame, lie in the image; how well patches of `spacing` m are resolved there.
 
     axes: (2, 3) unit vectors along the face. Occlusion is not looked at.
     """
     camera_from_map = map_from_camera.inverse()
-    index = np.flatnonzero(_facing(map_from_camera, points, axes))
-    local = camera_from_map.apply(points[index])
-    pixels = lens.project(local)
-    inside = _within(pixels, lens.camera, 1.0)
-    index, local, pixels = index[inside], local[inside], pixels[inside]
-    step = 0.25 * spacing
+    local = camera_from_map.apply(points)
     turned = axes @ camera_from_map.rotation.T
+    towards = float(local[0] @ np.cross(turned[0], turned[1])) if len(points) else 0.0  # right x down: into the face
+    pixels = lens.project(local)
+    index = np.flatnonzero(_within(pixels, lens.camera, 1.0))
+    index = index[towards > MIN_SINE * np.linalg.norm(local[index], axis=1)]
+    local, pixels = local[index], pixels[index]
+    step = 0.25 * spacing
     along = [(lens.project(local + step * axis) - pixels) / step for axis in turned]
     fine, coarse = _singular_values(*along)
     ok = np.isfinite(coarse) & (coarse > 0)
     return Sight(index[ok], pixels[ok], fine[ok], coarse[ok])
-
-
-def _facing(map_from_camera: Pose3, points: Array, axes: Array) -> NDArray[np.bool_]:
-    """(N,) whether the camera is in front of the face and not too grazing."""
-    towards = map_from_camera.translation - points
-    normal = -np.cross(axes[0], axes[1])  # right x down points into the face
-    return np.asarray(towards @ normal > MIN_SINE * np.linalg.norm(towards, axis=1))
 
 
 def _within(pixels: Array, camera: Camera, margin: float) -> NDArray[np.bool_]:

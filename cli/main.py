@@ -13,6 +13,7 @@ import click
 from recon import __version__
 from recon.cli.bench import bench
 from recon.cli.build import build
+from recon.cli.check import check
 from recon.cli.convert import convert
 from recon.cli.evaluate import evaluate
 from recon.cli.export import export
@@ -37,7 +38,7 @@ def recon() -> None:
     """Offline indoor 3D reconstruction from a camera and a 2D LiDAR."""
 
 
-for _command in (build, convert, export, evaluate, inspect, simulate, bench):
+for _command in (build, convert, export, evaluate, inspect, simulate, bench, check):
     recon.add_command(_command)
 
 

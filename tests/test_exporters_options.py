@@ -147,7 +147,7 @@ def test_names_of_collision_shapes(tmp_path: Path) -> None:
     model = open_house()
     faces = {face.name for face in model.faces}
     for engine in ("godot", "unreal", "unity"):
-        export(model, tmp_path / f"{engine}.glb", ExportOptions(engine=engine))  # type: ignore[arg-type]
+        export(model, tmp_path / f"{engine}.glb", ExportOptions(engine=engine))
     nodes = {e: read_glb(tmp_path / f"{e}.glb")["nodes"] for e in ("godot", "unreal", "unity")}
     meshes = {engine: {n["name"] for n in found if "mesh" in n} for engine, found in nodes.items()}
     assert meshes["godot"] == {f"{name}-col" for name in faces}
@@ -257,7 +257,7 @@ def test_a_model_without_a_picture_or_anything_is_valid_in_every_profile(tmp_pat
     for profile in ("arkit", "simready"):
         for name, model in (("bare", open_house(False)), ("empty", empty)):
             path = tmp_path / f"{name}_{profile}.usdz"
-            export(model, path, ExportOptions(usd_profile=profile))  # type: ignore[arg-type]
+            export(model, path, ExportOptions(usd_profile=profile))
             assert complaints(Usd.Stage.Open(str(path))) == []
 
 

@@ -55,7 +55,7 @@ def test_every_command_has_help_with_examples() -> None:
 
     from recon.cli.main import recon
 
-    assert sorted(recon.commands) == ["bench", "build", "convert", "eval", "export", "inspect", "simulate"]
+    assert sorted(recon.commands) == ["bench", "build", "check", "convert", "eval", "export", "inspect", "simulate"]
     for name in recon.commands:
         result = CliRunner().invoke(recon, [name, "--help"])
         assert result.exit_code == 0

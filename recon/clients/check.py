@@ -1,0 +1,55 @@
+"""Every client of a format, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from recon.clients import documents, libraries, programs
+from recon.clients.finding import Broken, Finding, Missing
+from recon.errors import InputError
+
+Client = Callable[[Path], str]
+"""Opens a file and says in a line what it found; raises Broken or Missing."""
+
+_MESH: dict[str, Client] = {"trimesh": libraries.trimesh, "assimp": programs.assimp, "Blender": programs.blender}
+_GLTF: dict[str, Client] = {"Khronos": programs.khronos, **_MESH, "Godot": programs.godot}
+_USD: dict[str, Client] = {"OpenUSD": libraries.openusd, "Blender": programs.blender}
+_ROBOT: dict[str, Client] = {"its meshes": documents.robot_meshes}
+CLIENTS: dict[str, dict[str, Client]] = {
+    ".glb": _GLTF,
+    ".gltf": _GLTF,
+    ".obj": {"files": documents.obj_files, **_MESH},
+    ".ply": _MESH,
+    ".stl": {"length": documents.stl_length, **_MESH},
+    ".usd": _USD,
+    ".usda": _USD,
+    ".usdc": _USD,
+    ".usdz": _USD,
+    ".sdf": _ROBOT,
+    ".urdf": _ROBOT,
+    ".dxf": {"ezdxf": libraries.ezdxf},
+    ".ifc": {"IfcOpenShell": libraries.ifcopenshell},
+    ".svg": {"XML": documents.xml},
+    ".json": {"recon": documents.layout},
+}
+"""By suffix, the quick ones first."""
+
+
+def check_file(path: Path) -> list[Finding]:
+    """What every client of the format of `path` says; InputError when there is no such file or no client for it."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    clients = CLIENTS.get(path.suffix.lower())
+    if clients is None:
+        raise InputError(f"{path}: nothing here opens {path.suffix or 'such files'}, expected {' '.join(CLIENTS)}")
+    return [_ask(name, client, path.resolve()) for name, client in clients.items()]
+
+
+def _ask(name: str, client: Client, path: Path) -> Finding:
+    try:
+        return Finding(name, "ok", client(path))
+    except Missing as reason:
+        return Finding(name, "not run", str(reason))
+    except Broken as reason:
+        return Finding(name, "broken", " ".join(str(reason).split()))

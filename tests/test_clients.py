@@ -1,0 +1,129 @@
+"""`recon check`: real programs open what is written, and say what is broken."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from open_house import open_house
+
+from recon.clients import check_file, programs
+from recon.clients.check import CLIENTS
+from recon.clients.finding import Broken, Missing
+from recon.errors import InputError
+from recon.exporters import MESHES, export
+from recon.exporters.options import ExportOptions
+
+
+@pytest.fixture
+def only_libraries(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """As on a machine where no further program is installed."""
+    monkeypatch.setenv("PATH", str(tmp_path_factory.mktemp("bin")))
+    monkeypatch.delenv("RECON_BPY_PYTHON", raising=False)
+
+
+@pytest.fixture
+def blender_python() -> str:
+    here = Path(__file__).parent.parent / ".venv-bpy" / "bin" / "python"
+    if "RECON_BPY_PYTHON" not in os.environ and here.is_file():
+        os.environ["RECON_BPY_PYTHON"] = str(here)
+    try:
+        return programs.blender_python()
+    except Missing as reason:
+        pytest.skip(str(reason))
+
+
+@pytest.mark.parametrize("suffix", sorted(MESHES | {".dxf", ".svg", ".json"}))
+def test_what_is_written_passes(suffix: str, only_libraries: None, tmp_path: Path) -> None:
+    path = tmp_path / f"house{suffix}"
+    export(open_house(), path)
+    findings = {finding.client: finding for finding in check_file(path)}
+    assert {f.state for f in findings.values()} <= {"ok", "not run"}
+    assert any(f.state == "ok" for f in findings.values()), "a library of ours opens every format"
+    for name in ("assimp", "Godot", "Khronos", "Blender"):
+        if name in findings:
+            assert findings[name].state == "not run" and "install" in findings[name].text
+    if "trimesh" in findings:
+        triangles = sum(len(face.triangles) for face in open_house().faces)
+        assert suffix == ".ply" or f"{triangles} triangles" in findings["trimesh"].text
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".ply", ".stl", ".usda", ".usdz", ".dxf", ".svg", ".json"])
+def test_what_is_cut_short_is_broken(suffix: str, only_libraries: None, tmp_path: Path) -> None:
+    path = tmp_path / f"house{suffix}"
+    export(open_house(), path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    assert "broken" in {finding.state for finding in check_file(path)}
+
+
+@pytest.mark.parametrize(("suffix", "client"), [(".usda", "OpenUSD"), (".obj", "files")])
+def test_files_that_a_file_names_are_looked_for(suffix: str, client: str, only_libraries: None, tmp_path: Path) -> None:
+    export(open_house(), tmp_path / f"house{suffix}")
+    picture = next((tmp_path / "house.textures").iterdir())
+    picture.unlink()
+    (finding,) = [f for f in check_file(tmp_path / f"house{suffix}") if f.client == client]
+    assert finding.state == "broken" and picture.name in finding.text
+
+
+def test_command(run_recon: Callable[..., Any], only_libraries: None, tmp_path: Path) -> None:
+    good, broken = tmp_path / "good.stl", tmp_path / "broken.stl"
+    export(open_house(), good)
+    broken.write_bytes(good.read_bytes()[:200])
+    done = run_recon("check", good)
+    assert done.status == 0 and done.errors == []
+    assert any(line.startswith("good.stl: trimesh: ok: ") for line in done.output)
+    done = run_recon("check", good, broken)
+    assert done.status == 2 and "broken.stl" in done.errors[0]
+    for name, reason in (("nothing.glb", "no such file"), ("what.xyz", "nothing here opens .xyz")):
+        (tmp_path / "what.xyz").write_text("?")
+        done = run_recon("check", tmp_path / name)
+        assert done.status == 2 and reason in done.errors[0]
+    with pytest.raises(InputError):
+        check_file(tmp_path)
+    assert set(CLIENTS) >= MESHES
+
+
+def test_blender_has_the_same_from_usd_and_gltf(blender_python: str, tmp_path: Path) -> None:
+    model = open_house()
+    pictures = sum(face.texture is not None for face in model.faces)
+    materials = pictures + len({face.kind for face in model.faces if face.texture is None})
+    said = {}
+    for name in ("house.glb", "house.usd", "house.usdz", "house.gltf"):
+        export(model, tmp_path / name)
+        said[name] = programs.blender(tmp_path / name)
+    export(model, tmp_path / "phone.usdz", ExportOptions(usd_profile="arkit"))
+    said["phone.usdz"] = programs.blender(tmp_path / "phone.usdz")
+    expected = f"{len(model.faces)} meshes, {materials} materials, {pictures} images"
+    assert {text.rsplit(", ", 1)[0] for text in said.values()} == {expected}, said
+    assert {text.rsplit(", ", 1)[1] for text in said.values()} == {"6.05 x 5.05 x 2.50 m"}, said
+
+
+@pytest.mark.parametrize(("engine", "shapes"), [("godot", True), ("unity", False)])
+def test_godot_finds_collision_shapes(engine: str, shapes: bool, tmp_path: Path) -> None:
+    model = open_house()
+    export(model, tmp_path / "house.glb", ExportOptions(engine=engine))  # type: ignore[arg-type]
+    try:
+        said = programs.godot(tmp_path / "house.glb")
+    except Missing as reason:
+        pytest.skip(str(reason))
+    faces = len(model.faces)
+    assert said == f"{faces} meshes, {faces if shapes else 0} collision shapes"
+
+
+def test_assimp_reads_every_mesh_format(tmp_path: Path) -> None:
+    model = open_house()
+    for name in ("house.glb", "house.gltf", "house.obj", "house.ply", "house.stl"):
+        export(model, tmp_path / name)
+        try:
+            said = programs.assimp(tmp_path / name)
+        except Missing as reason:
+            pytest.skip(str(reason))
+        meshes = 1 if name.endswith(("ply", "stl")) else len(model.faces)
+        assert said.startswith(f"{meshes} meshes"), (name, said)
+    (tmp_path / "house.glb").write_bytes(b"glTF")
+    with pytest.raises(Broken):
+        programs.assimp(tmp_path / "house.glb")

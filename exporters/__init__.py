@@ -40,6 +40,8 @@ WRITERS: dict[str, str] = {
     ".obj": "obj:write_obj",
     ".ply": "ply:write_ply",
     ".stl": "stl:write_stl",
+    ".sdf": "robot:write_sdf",
+    ".urdf": "robot:write_urdf",
     ".dxf": "dxf:write_dxf",
     ".svg": "svg:write_svg",
     ".pdf": "pdf:write_pdf",
@@ -54,7 +56,9 @@ WRITERS: dict[str, str] = {
 }
 """Suffix (lower case) to writer. To add a format: one module with one `write` function, one line here."""
 
-MESHES: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".obj", ".ply", ".stl"})
+MESHES: frozenset[str] = frozenset(
+    {".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".obj", ".ply", ".stl", ".sdf", ".urdf"}
+)
 """Suffixes of formats that hold the faces; they come in several levels of detail (`ExportOptions.lod`)."""
 
 DRAWINGS: frozenset[str] = frozenset({".dxf", ".svg", ".pdf", ".png"})

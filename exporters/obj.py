@@ -15,20 +15,28 @@ def write_obj(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
 
     No groups (`g`): programs that split a file by both would name the parts differently.
     """
+    return obj_output(model, stem, options)
+
+
+def obj_output(model: Model, stem: str, options: ExportOptions, z_up: bool = False) -> Output:
+    """As `write_obj`, with Y or Z up."""
     folder = f"{stem}.textures"
-    lines = ["# recon: metres, Y up, right-handed", f"mtllib {stem}.mtl"]
+    lines = [f"# recon: metres, {'Z' if z_up else 'Y'} up, right-handed", f"mtllib {stem}.mtl"]
     first = 1  # OBJ counts from 1 over the whole file
     for number, face in enumerate(Structure(model).faces(), start=1):
-        lines += _face_lines(face, first, number)
+        lines += _face_lines(face, first, number, z_up)
         first += len(face.vertices)
     materials = "".join(_material(face, folder, options.texture_format) for face in _material_faces(model))
     beside = {f"{stem}.mtl": ("# recon\n" + materials).encode()} | texture_files(model, folder, options.texture_format)
     return Output(("\n".join(lines) + "\n").encode(), beside)
 
 
-def _face_lines(face: Face, first: int, normal_index: int) -> list[str]:
+def _face_lines(face: Face, first: int, normal_index: int, z_up: bool) -> list[str]:
+    vertices, normal = face.vertices, face_normal(face)[None]
+    if not z_up:
+        vertices, normal = y_up(vertices), y_up(normal)
     lines = [f"o {face.name}", f"usemtl {_material_name(face)}"]
-    lines += _rows("v", y_up(face.vertices)) + _rows("vt", face.uv) + _rows("vn", y_up(face_normal(face))[None])
+    lines += _rows("v", vertices) + _rows("vt", face.uv) + _rows("vn", normal)
     for triangle in face.triangles + first:
         lines.append("f " + " ".join(f"{i}/{i}/{normal_index}" for i in triangle))
     return lines

@@ -7,6 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -50,6 +51,9 @@ def triangles_in_map(path: Path) -> Array:
     """(T, 3, 3), m, map frame, of an exported file, by a reader that is not ours."""
     if path.suffix.startswith(".usd"):
         return usd_triangles(Usd.Stage.Open(str(path)))
+    if path.suffix in (".sdf", ".urdf"):
+        visual = trimesh.load_scene(path.with_suffix(".meshes") / "visual.obj").to_geometry()
+        return np.asarray(visual.triangles, np.float64)
     mesh = trimesh.load_scene(path).to_geometry()
     triangles = np.asarray(mesh.triangles, np.float64)
     if path.suffix in (".glb", ".gltf", ".obj"):
@@ -202,6 +206,29 @@ def test_light_map_coordinates_are_in_the_file(tmp_path: Path) -> None:
     opening = next(n for n in document["nodes"] if n["name"] == "opening_000")
     names = {document["nodes"][k]["name"] for k in opening["children"]}
     assert names == {"door_000", "reveal_000_left", "reveal_000_right", "reveal_000_head", "threshold_000"}
+
+
+@pytest.mark.parametrize("suffix", [".sdf", ".urdf"])
+def test_worlds_for_robots(suffix: str, tmp_path: Path) -> None:
+    model = open_house()
+    export(model, tmp_path / f"Haus & Hof{suffix}")
+    root = ElementTree.parse(tmp_path / f"Haus & Hof{suffix}").getroot()
+    assert root.tag == {".sdf": "sdf", ".urdf": "robot"}[suffix]
+    names = [uri.text or "" for uri in root.iter("uri")] + [
+        mesh.attrib["filename"] for mesh in root.iter("mesh") if mesh.attrib
+    ]
+    assert names == ["Haus & Hof.meshes/visual.obj", "Haus & Hof.meshes/collision.stl"]
+    assert root.findtext("world/model/static") == ("true" if suffix == ".sdf" else None)
+    visual, collision = (trimesh.load_scene(tmp_path / name).to_geometry() for name in names)
+    np.testing.assert_allclose(visual.bounds, [[-0.05, -0.05, 0.0], [6.0, 5.0, HEIGHT]], atol=1e-5)
+    # A robot stands on the floor and is stopped by walls and doors; the way between the rooms is free.
+    triangles = np.asarray(collision.triangles, np.float64)
+    assert first_hit(triangles, np.array([1.0, 1.0, 0.5]), np.array([0.0, 0.0, -1.0])) == pytest.approx(0.5, abs=1e-5)
+    assert first_hit(triangles, np.array([1.5, 1.0, 0.5]), np.array([0.0, -1.0, 0.0])) == pytest.approx(1.05, abs=1e-5)
+    assert first_hit(triangles, np.array([4.0, 1.0, 0.5]), np.array([0.0, 1.0, 0.0])) == pytest.approx(4.0, abs=1e-5)
+    corners = np.concatenate([face.vertices[face.triangles] for face in model.faces])
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    assert collision.volume == pytest.approx(0.05 * area, rel=1e-4), "closed bodies 5 cm thick, turned outwards"
 
 
 def complaints(stage: Usd.Stage) -> list[str]:

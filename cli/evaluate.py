@@ -18,6 +18,7 @@ from recon.cli.options import PATH, examples, verbosity
         "recon eval drive/ model.recon/ --json scores.json",
         "recon eval drive/ model.recon/ --plot drive.png",
         "recon eval drive/ model.recon/ --pictures worst/",
+        "recon eval drive/ model.recon/ --views",
     ),
 )
 @click.argument("sequence", type=PATH)
@@ -25,9 +26,21 @@ from recon.cli.options import PATH, examples, verbosity
 @click.option("--json", "json_file", type=PATH, help="Write the numbers here too; - prints them instead of the table.")
 @click.option("--plot", type=PATH, help="Draw trajectory, walls, loop closures and errors: .png, .svg or .pdf.")
 @click.option("--pictures", type=PATH, help="Folder for pictures of the images whose labels are the least right.")
+@click.option(
+    "--views",
+    is_flag=True,
+    help="Texture the model again without every fifth image and compare these with what it shows there; needs no "
+    "ground truth. Pictures go to RESULT/views, or to views in the folder of --pictures.",
+)
 @verbosity
 def evaluate(
-    sequence: Path, result: Path, json_file: Path | None, plot: Path | None, pictures: Path | None, quiet: bool
+    sequence: Path,
+    result: Path,
+    json_file: Path | None,
+    plot: Path | None,
+    pictures: Path | None,
+    views: bool,
+    quiet: bool,
 ) -> None:
     """Compares the RESULT folder of a build with the ground truth of its SEQUENCE folder."""
     from recon.cli.outputs import check_writable
@@ -42,7 +55,8 @@ def evaluate(
             check_writable(path)
     if plot is not None:
         check_suffix(plot)
-    evaluation = compare(sequence, result)
+    folder = (result if pictures is None else pictures) / "views" if views else None
+    evaluation = compare(sequence, result, folder)
     text = json.dumps(evaluation.to_json(), indent=1)
     if plot is not None:
         plot_result(sequence, result, plot)

@@ -13,6 +13,7 @@ from recon.evaluate.labels import LabelScores, label_scores
 from recon.evaluate.layout import LayoutScores, layout_scores
 from recon.evaluate.relations import RelationErrors, given_odometry, relation_errors
 from recon.evaluate.trajectory import TrajectoryErrors, trajectory_errors
+from recon.evaluate.views import ViewScores, view_scores
 from recon.evaluate.walls import WallScores, wall_scores
 from recon.results.reader import load_layout
 from recon.sequence.extrinsics import read_extrinsics
@@ -32,6 +33,7 @@ class Evaluation:
     layout: LayoutScores | None
     ceiling: float | None
     labels: LabelScores | None
+    views: ViewScores | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, described in docs/formats.md; lengths in m, angles in degrees but those of `layout`, rad."""
@@ -40,6 +42,7 @@ class Evaluation:
             part = getattr(self, name)
             content[name] = None if part is None else asdict(part)
         content["layout"] = None if self.layout is None else self.layout.to_json()
+        content["views"] = None if self.views is None else self.views.to_json()
         if self.walls is not None:
             content["walls"]["f1"] = list(self.walls.f1)
         return content
@@ -47,7 +50,7 @@ class Evaluation:
     def table(self) -> str:
         """Two aligned columns for a terminal."""
         rows = self._trajectory_rows() + self._relation_rows() + self._extrinsics_rows()
-        rows += self._layout_rows() + self._label_rows()
+        rows += self._layout_rows() + self._label_rows() + ([] if self.views is None else self.views.rows())
         width = max(len(name) for name, _ in rows) if rows else 0
         return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
 
@@ -105,11 +108,16 @@ class Evaluation:
         ]
 
 
-def evaluate(sequence: Path, result: Path) -> Evaluation:
+def evaluate(sequence: Path, result: Path, views: Path | None = None) -> Evaluation:
     """Compare a result folder with the ground truth of its sequence folder.
 
-    Raises InputError when either is missing or damaged, or when the sequence has no ground truth.
+    views: leave images out and compare them with the model, too (`view_scores`, which needs no ground truth); pictures
+    go into this folder. Raises InputError when either folder is missing or damaged, or when the sequence has no ground
+    truth and no `views` are asked for.
     """
+    seen = None if views is None else view_scores(sequence, result, views)
+    if seen is not None and not (sequence / "groundtruth").is_dir():
+        return Evaluation(None, None, None, None, None, None, None, seen)
     truth = read_groundtruth(sequence)
     layout = load_layout(result)
     pose = None
@@ -123,8 +131,8 @@ def evaluate(sequence: Path, result: Path) -> Evaluation:
         if layout.ceiling_height is not None and truth.layout.ceiling_height is not None:
             ceiling = layout.ceiling_height - truth.layout.ceiling_height
     labels = label_scores(label_pairs(truth, result))
-    evaluation = Evaluation(trajectory, relations, pose, walls, scores, ceiling, labels)
-    if all(part is None for part in (trajectory, relations, pose, walls, labels)):
+    evaluation = Evaluation(trajectory, relations, pose, walls, scores, ceiling, labels, seen)
+    if all(part is None for part in (trajectory, relations, pose, walls, labels, seen)):
         raise InputError(f"{sequence / 'groundtruth'}: holds nothing that can be compared")
     return evaluation
 

@@ -84,9 +84,9 @@ class Matcher:
         return np.asarray(full), face.reshape(rows, columns)
 
 
-def contrast(image: Image) -> Image:
+def contrast(image: Image, working_width: int = WORKING_WIDTH) -> Image:
     """A small grey picture of an image without its exposure and shading: logarithm less its local mean."""
-    factor = max(round(image.shape[1] / WORKING_WIDTH), 1)
+    factor = max(round(image.shape[1] / working_width), 1)
     size = (image.shape[1] // factor, image.shape[0] // factor)
     grey = cv2.cvtColor(cv2.resize(image, size, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY)
     log = np.log(grey.astype(np.float32) + 8)

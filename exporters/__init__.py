@@ -39,6 +39,7 @@ WRITERS: dict[str, str] = {
     ".gltf": "gltf:write_gltf",
     ".obj": "obj:write_obj",
     ".ply": "ply:write_ply",
+    ".cloud.ply": "cloud:write_cloud",
     ".stl": "stl:write_stl",
     ".sdf": "robot:write_sdf",
     ".urdf": "robot:write_urdf",
@@ -129,7 +130,7 @@ def export(model: Model, path: Path, options: ExportOptions = DEFAULTS) -> tuple
     if suffix not in MESHES:
         output = writer(model, stem, options) if suffix in WITH_OPTIONS else writer(model, stem)
         _put(output, path)
-        return tuple(output.notes)
+        return tuple(f"{path.name}: {note}" for note in output.notes)
     from recon.exporters.detail import with_detail
 
     check_options([path], options)

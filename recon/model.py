@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from recon.geometry import Array
 
 if TYPE_CHECKING:
+    from recon.cloud import PointCloud
     from recon.occupancy import Occupancy
     from recon.sequence.trajectory import Trajectory
 
@@ -180,9 +181,9 @@ class Layout:
 class Face:
     """One flat, textured face of the model in the map frame.
 
-    name: `wall_003`, `floor_000`, `ceiling_000`: unique, the number is the wall's or room's id (`ref`). Sides of openings
-    (`reveal_005_left`, `threshold_005`), leaves (`door_005`) and glass (`window_005`) are numbered by the opening
-    (`opening`); their `ref` is its wall.
+    name: `wall_003`, `floor_000`, `ceiling_000`: unique, the number is the wall's or room's id (`ref`). Sides of
+    openings (`reveal_005_left`, `threshold_005`), leaves (`door_005`) and glass (`window_005`) are numbered by the
+    opening (`opening`); their `ref` is its wall.
     vertices: (V, 3), m. triangles: (T, 3) int indices, counter-clockwise seen from the free space.
     uv: (V, 2) in [0, 1], u to the right and v UP (OpenGL, glTF flips): (0, 0) is the lower left corner of the picture.
     texture: (H, W, 3) uint8 RGB, row 0 is the top, or None: a clean neutral material (`neutral_colour`).
@@ -231,8 +232,8 @@ NEUTRAL_COLOURS: dict[FaceKind, tuple[int, int, int]] = {
 class Model:
     """What a build gives and every exporter writes. `notes`: what was assumed, one sentence each, for people.
 
-    trajectory: of the platform; pose_sigmas: (N, 3) m, m, rad of its poses, or (0, 3); occupancy: where it can drive.
-    Results of older versions hold no occupancy, models made by hand none of the three.
+    trajectory: of the platform; pose_sigmas: (N, 3) m, m, rad of its poses, or (0, 3); occupancy: where it can drive;
+    cloud: what the scanner hit. Results of older versions hold neither of these two, models made by hand none of all.
     """
 
     name: str
@@ -243,3 +244,4 @@ class Model:
     trajectory: Trajectory | None = None
     pose_sigmas: Array = field(default_factory=lambda: np.zeros((0, 3)))
     occupancy: Occupancy | None = None
+    cloud: PointCloud | None = None

@@ -21,6 +21,7 @@ from recon.calibration.frames import collect_frames
 from recon.calibration.result import Calibration
 from recon.calibration.support import CalibrationFrames
 from recon.calibration.synchronise import Drive, calibrate_with_clock
+from recon.cloud import PointCloud, coloured
 from recon.config import Config
 from recon.faces import extrude
 from recon.furniture import Furniture, suspects
@@ -35,6 +36,7 @@ from recon.graph.observation import WallObservations
 from recon.graph.solve import solve_graph
 from recon.graph.tape import Tape
 from recon.layout.build import build_layout
+from recon.layout.evidence import scan_rays
 from recon.layout.heights import measure_heights
 from recon.layout.occupancy import build_occupancy
 from recon.layout_json import layout_from_json, layout_to_json
@@ -46,7 +48,7 @@ from recon.lidar.sweep import match_in_order
 from recon.loops.close import ClosedLoops, close_loops
 from recon.measured import NOTHING, Measured
 from recon.memory import give_back
-from recon.model import Layout, Model
+from recon.model import Face, Layout, Model
 from recon.progress import SILENT, Progress, Stage
 from recon.segmentation.furniture import standing_furniture
 from recon.segmentation.heights import measure_objects
@@ -124,8 +126,9 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measu
     model = _model(sequence, layout, poses, config, run)
     with run.stage("occupancy"):
         occupancy = build_occupancy(estimate.trajectory, sequence.scans)
+    cloud = _cloud(sequence, estimate.trajectory, model.faces, poses, run)
     drive = as_written(estimate.trajectory)
-    model = replace(model, trajectory=drive, pose_sigmas=estimate.pose_sigmas, occupancy=occupancy)
+    model = replace(model, trajectory=drive, pose_sigmas=estimate.pose_sigmas, occupancy=occupancy, cloud=cloud)
     warnings = tuple(dict.fromkeys(run.warnings))
     return Build(sequence, config, model, estimate, calibration, poses, run.seconds, run.counts, warnings, measured)
 
@@ -367,3 +370,23 @@ def _model(sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], 
         notes.append("Walls of source 'inferred' close the outline where no sensor saw a wall.")
     run.counts |= {"walls": len(layout.walls), "rooms": len(layout.rooms), "openings": len(layout.openings)}
     return Model(sequence.name, layout, faces, tuple(notes))
+
+
+def _cloud(
+    sequence: Sequence,
+    trajectory: Trajectory,
+    faces: tuple[Face, ...],
+    poses: tuple[Pose3 | None, ...],
+    run: _Run,
+) -> PointCloud:
+    """The returns of all scans, in the colours of the images."""
+
+    def load(index: int) -> NDArray[np.uint8] | None:
+        assert sequence.images is not None and sequence.camera is not None
+        return load_image(sequence.images, index, sequence.camera, warnings=run.warnings)
+
+    with run.stage("cloud"):
+        _, ends = scan_rays(trajectory, sequence.scans)
+        cloud = coloured(ends, faces, sequence.camera, poses, load)
+    run.counts["points"] = len(cloud.points)
+    return cloud

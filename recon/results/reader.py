@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.cloud import CLOUD, load_cloud
 from recon.errors import InputError
 from recon.files import read_text
 from recon.geometry import Array
@@ -39,7 +40,8 @@ def load_model(folder: Path) -> Model:
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged ({error!r}), expected what recon build wrote") from None
     trajectory, sigmas = _drive(folder)
-    return replace(model, trajectory=trajectory, pose_sigmas=sigmas, occupancy=load_occupancy(folder))
+    occupancy, cloud = load_occupancy(folder), load_cloud(folder / CLOUD)
+    return replace(model, trajectory=trajectory, pose_sigmas=sigmas, occupancy=occupancy, cloud=cloud)
 
 
 def _drive(folder: Path) -> tuple[Trajectory | None, Array]:

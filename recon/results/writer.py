@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.cloud import CLOUD, ply_of
 from recon.config_file import to_toml
 from recon.errors import OutputError
 from recon.layout_json import layout_to_json
@@ -69,6 +70,8 @@ def _write(build: Build, folder: Path) -> None:
     write_accuracy(folder, build.estimate)
     if build.model.occupancy is not None:
         save_occupancy(build.model.occupancy, folder)
+    if build.model.cloud is not None:
+        (folder / CLOUD).write_bytes(ply_of(build.model.cloud))
     if build.calibration is not None:
         pose = build.calibration.platform_from_camera
         write_extrinsics(folder / "extrinsics.yaml", pose, f"{build.calibration.source} by recon")

@@ -12,8 +12,9 @@ from recon.calibration.refine import foot_distances, refine
 from recon.calibration.similarity import Similarity, fit_similarity, similarity_from_pairs
 from recon.calibration.support import CalibrationFrames, match, support
 from recon.calibration.topdown import ground_from_camera, ground_map, topdown_homography
+from recon.calibration.voting import YAW_BINS, yaw_candidates
 from recon.config import CalibrationConfig
-from recon.geometry import Array, Pose3, apply2, inverse2, rotation2
+from recon.geometry import Array, Pose3, apply2, inverse2, rotation2, wrap_angle
 from recon.sequence.camera import Camera
 
 CAMERA = Camera(640, 480, np.array([[520.0, 0, 322.6], [0, 519.3, 236.8], [0, 0, 1]]))
@@ -90,9 +91,19 @@ def corridor_walls() -> Array:
 
 
 def views(
-    pose: Pose3, walls: Array, rng: np.random.Generator, drive: Array, clutter: int, noise: float
+    pose: Pose3,
+    walls: Array,
+    rng: np.random.Generator,
+    drive: Array,
+    clutter: int,
+    noise: float,
+    shown: tuple[float, float, float] = (0.9, 0.7, 0.7),
+    edge: float = 0.08,
 ) -> CalibrationFrames:
-    """Image lines of the feet, of a border 20 cm in front of them, a baseboard's edge 8 cm up, and clutter."""
+    """Image lines of the feet, of a border 20 cm in front of them, a baseboard's edge `edge` m up, and clutter.
+
+    shown: shares of these three that give a line.
+    """
     lines, groups, segments, segment_groups, line_counts, segment_counts = [], [], [], [], [0], [0]
     for platform in drive:
         local = apply2(inverse2(platform), walls.reshape(-1, 2)).reshape(-1, 2, 2)
@@ -100,10 +111,10 @@ def views(
         along = (local[:, 1] - local[:, 0]) / np.linalg.norm(local[:, 1] - local[:, 0], axis=1, keepdims=True)
         normal = np.stack([-along[:, 1], along[:, 0]], axis=1)[:, None]
         found = []
-        for k, (shift, up) in enumerate(((0.0, 0.0), (0.2, 0.0), (0.0, 0.08))):
+        for k, (shift, up) in enumerate(((0.0, 0.0), (0.2, 0.0), (0.0, edge))):
             for i, wall in enumerate(local + shift * normal):
                 piece = visible(pose, wall, up)
-                if piece is not None and rng.random() < (0.9 if k == 0 else 0.7):
+                if piece is not None and rng.random() < shown[k]:
                     found.append((piece + rng.normal(0, noise, (2, 2)), int(abs(along[i] @ along[0]) < 0.5)))
         for _ in range(clutter):
             start = rng.uniform([0, 250], [640, 480])
@@ -156,6 +167,41 @@ def test_calibration_finds_the_camera_among_parallel_lines(
     assert np.degrees(np.arccos(min(cosine, 1.0))) < 0.4
 
 
+@pytest.mark.parametrize(("edge", "foot"), [(0.12, 0.45), (0.25, 0.3), (0.06, 0.45)])
+def test_a_foot_that_few_images_show_is_found_below_the_baseboard(edge: float, foot: float) -> None:
+    truth = camera_pose(0.03, 0.25, 0.02, np.array([0.1, 0.03, 0.95]))
+    vertical = (-truth.rotation[2], VERTICAL_SIGMA)
+    frames = views(truth, corridor_walls(), np.random.default_rng(14), drive(), 12, 0.5, (foot, 0.0, 0.95), edge)
+    result = calibrate(frames, CAMERA, vertical, CalibrationConfig())
+    assert result is not None
+    error = result.platform_from_camera.translation - truth.translation
+    assert np.abs(error).max() < 0.02 and abs(error[2]) < 4 * np.sqrt(result.covariance[5, 5])
+    assert result.warnings == () or ("baseboards" in result.warnings[0] and len(result.warnings) == 1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_floor_is_found_below_the_floor(seed: int) -> None:
+    """The foot and a border on the floor alone, among much clutter: nothing below passes for a floor."""
+    truth = camera_pose(0.03, 0.25, 0.02, np.array([0.1, 0.03, 0.95]))
+    vertical = (-truth.rotation[2], VERTICAL_SIGMA)
+    frames = views(truth, corridor_walls(), np.random.default_rng(seed), drive(), 40, 0.5, (0.95, 0.5, 0.0))
+    result = calibrate(frames, CAMERA, vertical, CalibrationConfig())
+    assert result is not None and result.warnings == ()
+    assert result.platform_from_camera.translation == pytest.approx(truth.translation, abs=0.02)
+
+
+def test_the_blind_search_tries_every_quadrant() -> None:
+    """Two directions of walls that are not at right angles: lines along and across both, looked at from any side."""
+    bins = np.arange(YAW_BINS) * np.pi / YAW_BINS
+    density = np.zeros(YAW_BINS)
+    for angle, height in ((0.4, 1.0), (0.4 + np.pi / 2, 0.3), (1.0, 0.9), (1.0 + np.pi / 2, 0.8), (1.3, 0.5)):
+        density += height * np.exp(-0.5 * (wrap_angle(2 * (bins - angle)) / 0.02) ** 2)
+    found = yaw_candidates(density)
+    for angle in (0.4, 1.0, 1.3):
+        for quarter in range(4):
+            assert np.abs(wrap_angle(found - angle - quarter * np.pi / 2)).min() < 0.01
+
+
 def test_calibration_is_the_same_every_time_and_whatever_the_seed() -> None:
     truth = camera_pose(0.03, 0.25, 0.02, np.array([0.1, 0.03, 0.95]))
     frames = views(truth, corridor_walls(), np.random.default_rng(5), drive(), clutter=20, noise=0.7)
@@ -178,6 +224,14 @@ def test_lines_that_have_nothing_to_do_with_the_scans_give_nothing() -> None:
         noise, frames.line_groups, frames.line_offsets, frames.segments, frames.segment_groups, frames.segment_offsets,
         frames.images,
     )  # fmt: skip
+    assert calibrate(frames, CAMERA, (-truth.rotation[2], VERTICAL_SIGMA), CalibrationConfig()) is None
+
+
+def test_a_camera_that_sees_no_foot_is_not_placed() -> None:
+    """It looks at the floor behind; lines there run along the walls."""
+    truth = camera_pose(np.pi, 0.9, 0.02, np.array([0.0, 0.0, 0.4]))
+    rng = np.random.default_rng(17)
+    frames = views(truth, corridor_walls(), rng, drive(), 30, 0.5, (0.0, 0.0, 0.0))
     assert calibrate(frames, CAMERA, (-truth.rotation[2], VERTICAL_SIGMA), CalibrationConfig()) is None
 
 

@@ -26,6 +26,7 @@ FAINT_SHARE, FAINT_CONTRAST = 0.1, 2.0  # of the feet that lines explain there, 
 FAINT_AROUND = 0.12  # m of height
 FAINT_BAND, FAINT_LEVEL = 0.08, 0.5  # bands with this share of the feet explain that part of what all explain
 FAINT_SHIFT = 0.02  # m that the camera may seem to stand elsewhere
+BORDERS = 0.01 * np.arange(8, 80)  # m before a wall's foot, of borders of the floor
 BANDS = (0.8, 1.1, 1.4, 2.0, 3.0, 5.0)  # m from the camera to the wall
 MIN_FOOT = 80.0  # pixels of foot in an image before it counts
 MIN_FRACTION = 0.4  # of the feet in an image that lines must explain: the paper's inlier threshold
@@ -108,10 +109,9 @@ class PoseSearch:
         counts = (support(self._frames, self._camera, p, self._tolerance, None, offset) for p in poses)
         totals = np.array([c.sum(axis=0) for c in counts])
         values = np.array([score(c[None]) for c in totals])
-        every = np.zeros(len(values), np.bool_)
-        every[1:-1] = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])
+        every = _peaks(values)
         peak = every & (values > PLANE_PEAK * values[np.abs(lower) < 0.025].max())
-        faint = every & ~peak & (lower <= FAINT_PLANE) & _stands_out(totals[:, 0] / np.maximum(totals[:, 1], 1.0))
+        faint = every & (lower <= FAINT_PLANE) & _stands_out(totals[:, 0] / np.maximum(totals[:, 1], 1.0))
         for i in np.flatnonzero((peak | faint) & (lower > NEXT_PLANE))[::-1]:
             if is_reflection(i, np.flatnonzero(peak if peak[i] else every), values):
                 continue
@@ -144,14 +144,22 @@ class PoseSearch:
         return bool(mine[silent, 1].sum() < MAX_SILENT * mine[:, 1].sum())
 
     def _is_faint_floor(self, candidate: Found, found: Found) -> bool:
-        """Whether a plane below that few lines show has the camera where it was, and shows near and far alike."""
+        """Whether a plane below that few lines show has the camera where it was, and shows near and far alike.
+
+        And better than any border, so far before all walls, on the floor found would show.
+        """
         moved = candidate.refined.platform_from_camera.translation - found.refined.platform_from_camera.translation
         if np.linalg.norm(moved[:2]) > FAINT_SHIFT:
             return False
         bands = self._by_distance(candidate.refined)
         seen = bands[bands[:, 1] > FAINT_BAND * bands[:, 1].sum()]
         explained, projected = bands.sum(axis=0)
-        return bool((seen[:, 0] / seen[:, 1] > FAINT_LEVEL * explained / projected).all() and len(seen) > 1)
+        if len(seen) < 2 or (seen[:, 0] / seen[:, 1] <= FAINT_LEVEL * explained / projected).any():
+            return False
+        pose = found.refined.platform_from_camera
+        borders = (support(self._frames, self._camera, pose, self._tolerance, None, b) for b in BORDERS)
+        values = np.array([score(c) for c in borders])
+        return score(self.counts(candidate.refined)) > max(values[_peaks(values)], default=-np.inf)
 
     def _by_distance(self, refined: Refinement) -> Array:
         """(BANDS, 2) explained and projected pixels of the feet of walls at growing distance from the camera."""
@@ -186,6 +194,13 @@ class PoseSearch:
         pose, offset = refined.platform_from_camera, refined.foot_offset
         tolerances = (self._tolerance, self._tolerance / 2)
         return sum(score(support(self._frames, self._camera, pose, t, None, offset)) for t in tolerances)
+
+
+def _peaks(values: Array) -> NDArray[np.bool_]:
+    """(N,) local maxima."""
+    out = np.zeros(len(values), np.bool_)
+    out[1:-1] = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])
+    return out
 
 
 def _stands_out(share: Array) -> NDArray[np.bool_]:

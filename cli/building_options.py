@@ -23,7 +23,7 @@ def building_options(command: Callable[..., Any]) -> Callable[..., Any]:
     wrapped: Any = collected
     for option in reversed(_OPTIONS):
         wrapped = option(wrapped)
-    return wrapped  # type: ignore[no-any-return]
+    return wrapped
 
 
 _OPTIONS = (

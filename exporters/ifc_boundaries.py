@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,13 +25,18 @@ def add_boundaries(
     and ceiling. Surfaces are in the coordinates of the space, which are those of its storey.
     """
     before, parts = rooms_before(layout), {part.room.id: part for part in rooms}
+    stretches = _stretches(walls)
     for number, wall in enumerate(walls):
         sides = [(face, parts[room.id]) for face in wall.solid.faces
                  if (room := before[face.id]) is not None and room.id in parts]  # fmt: skip
         between = len({face.normal @ wall.solid.normal > 0 for face, _ in sides}) == 2
         for face, part in sides:
             key, inside = f"{at.key}/{part.room.id}/{number}/{face.id}", "INTERNAL" if between else "NOTDEFINED"
-            _face(at.ifc, key, part, wall, face, inside)
+            low, high = stretches[number, face.id]
+            if high - low >= SHORTEST:
+                ends = face.start + np.array([[low], [high]]) * face.direction
+                surface = _upright(at.ifc, ends, 0.0, part.height)
+                _bound(at.ifc, key, part.space, wall.entity, surface, inside)
             for opening in wall.openings:
                 _opening(at.ifc, f"{key}/{opening.doorway.id}", part, opening, face, inside)
     for part in rooms:
@@ -42,13 +48,23 @@ def add_boundaries(
             _bound(at.ifc, f"{key}/ceiling", part.space, part.ceiling, lid, "NOTDEFINED")
 
 
-def _face(ifc: IfcFile, key: str, part: RoomPart, wall: WallPart, face: Wall, inside: str) -> None:
-    """The stretch of a face that is this wall's."""
-    along = (np.asarray(wall.solid.footprint.exterior.coords) - face.start) @ face.direction
-    low, high = max(float(along.min()), 0.0), min(float(along.max()), face.length)
-    if high - low >= SHORTEST:
-        ends = face.start + np.array([[low], [high]]) * face.direction
-        _bound(ifc, key, part.space, wall.entity, _upright(ifc, ends, 0.0, part.height), inside)
+def _stretches(walls: Sequence[WallPart]) -> dict[tuple[int, int], tuple[float, float]]:
+    """By wall (index) and face (id), m from the face's start: the part of the face that is this wall's.
+
+    The walls of a face share all of it; its ends, where the neighbour's body may stand, go to the first and the last.
+    """
+    by_face: dict[int, list[tuple[float, float, int, float]]] = {}
+    for number, wall in enumerate(walls):
+        for face in wall.solid.faces:
+            along = (np.asarray(wall.solid.footprint.exterior.coords) - face.start) @ face.direction
+            by_face.setdefault(face.id, []).append((float(along.min()), float(along.max()), number, face.length))
+    out = {}
+    for face_id, parts in by_face.items():
+        parts.sort()
+        cuts = [0.0, *(0.5 * (a[1] + b[0]) for a, b in pairwise(parts)), parts[0][3]]
+        for (low, high), part in zip(pairwise(cuts), parts, strict=True):
+            out[part[2], face_id] = low, high
+    return out
 
 
 def _opening(ifc: IfcFile, key: str, part: RoomPart, opening: Opening, face: Wall, inside: str) -> None:

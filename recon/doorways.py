@@ -76,7 +76,7 @@ def doorways(layout: Layout) -> tuple[Doorway, ...]:
         wall = walls[opening.wall]
         low, high = np.mean([opening_span(side, wall) for side in sides], axis=0)
         start, end = wall.start + low * wall.direction, wall.start + high * wall.direction
-        behind = _room_behind(layout, rooms, wall, 0.5 * (start + end)) if k is None else front[sides[1].wall]
+        behind = _room_behind(layout, rooms, wall, 0.5 * (start + end)) if k is None else front[layout.openings[k].wall]
         if high - low <= 0.0:
             continue
         kind = next(kind for kind in ORDER if any(side.type == kind for side in sides))

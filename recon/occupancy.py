@@ -23,6 +23,9 @@ FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65
 MOST_CELLS = 60_000_000
 """A finer grid of a larger building is refused."""
 
+BLOCK = 1_000_000
+"""Cells sampled at a time."""
+
 States = NDArray[np.uint8]
 
 
@@ -63,18 +66,33 @@ def resampled(grid: Occupancy, resolution: float, yaw: float = 0.0) -> Occupancy
         raise InputError(f"map resolution {resolution:g} m: gives {rows} x {columns} cells, expected a coarser one")
     steps = max(2, int(np.ceil(resolution / grid.resolution)) + 1)
     inside = (np.arange(steps) + 0.5) / steps
-    occupied, free = np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.int16)
-    x = low[0] + resolution * np.arange(columns)
-    for row in range(rows):  # row by row: the samples of a large grid would fill the memory
+    occupied, free = np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.uint16)
+    block = max(1, BLOCK // columns)
+    for top in range(0, rows, block):  # a part at a time: the samples of a large grid would fill the memory
+        part = slice(top, min(top + block, rows))
         for dy in inside:
             for dx in inside:
-                y = low[1] + resolution * (row + dy)
-                points = np.column_stack([x + resolution * dx, np.full(columns, y)])
-                found = grid.at(apply2((0.0, 0.0, yaw), points))
-                occupied[row] |= found == OCCUPIED
-                free[row] += found == FREE
+                x, y = (np.arange(columns) + dx), (np.arange(rows)[part] + dy)
+                found = _sampled(grid, low[0] + resolution * x, low[1] + resolution * y, yaw)
+                occupied[part] |= found == OCCUPIED
+                free[part] += found == FREE
     cells = np.where(occupied, OCCUPIED, np.where(2 * free >= steps * steps, FREE, UNKNOWN)).astype(np.uint8)
     return trimmed(Occupancy(low, resolution, cells))
+
+
+def _sampled(grid: Occupancy, x: Array, y: Array, yaw: float) -> States:
+    """States (rows, columns) where rows y and columns x (m) of a frame turned by `yaw` cross."""
+    if yaw == 0.0:
+        column, row = (
+            np.floor((v - o) / grid.resolution).astype(np.int64) for v, o in zip((x, y), grid.origin, strict=True)
+        )
+        rows, columns = grid.cells.shape
+        out = np.full((len(y), len(x)), UNKNOWN, np.uint8)
+        on, along = (row >= 0) & (row < rows), (column >= 0) & (column < columns)
+        out[np.ix_(on, along)] = grid.cells[np.ix_(row[on], column[along])]
+        return out
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return grid.at(apply2((0.0, 0.0, yaw), points)).reshape(len(y), len(x))
 
 
 def trimmed(grid: Occupancy) -> Occupancy:

@@ -17,6 +17,7 @@ from recon.cli.check import check
 from recon.cli.convert import convert
 from recon.cli.evaluate import evaluate
 from recon.cli.export import export
+from recon.cli.floorplan import floorplan
 from recon.cli.inspect import inspect
 from recon.cli.options import examples
 from recon.cli.simulate import simulate
@@ -38,7 +39,7 @@ def recon() -> None:
     """Offline indoor 3D reconstruction from a camera and a 2D LiDAR."""
 
 
-for _command in (build, convert, export, evaluate, inspect, simulate, bench, check):
+for _command in (build, floorplan, convert, export, evaluate, inspect, simulate, bench, check):
     recon.add_command(_command)
 
 

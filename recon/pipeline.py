@@ -100,11 +100,18 @@ class _Run:
         self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - start, 3)
 
 
-def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measured: Measured = NOTHING) -> Build:
+def build(
+    sequence: Sequence,
+    config: Config,
+    progress: Progress = SILENT,
+    measured: Measured = NOTHING,
+    plan_only: bool = False,
+) -> Build:
     """From one drive to a textured model with known accuracy.
 
-    measured: by people; walls are named by their ids in the layout of a build without it. Raises InputError for walls
-    that are not there, ConfigError where the backend takes no measures.
+    measured: by people; walls are named by their ids in the layout of a build without it. plan_only: the same layout,
+    without textures, heights of objects, cloud and occupancy. Raises InputError for walls that are not there, ConfigError
+    where the backend takes no measures.
     """
     measured.check_backend(config.graph)
     run = _Run(progress, warnings=list(sequence.warnings))
@@ -122,6 +129,24 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measu
     poses = _camera_poses(sequence, calibration, estimate.trajectory, run)
     layout = _layout(sequence, lines, calibration, estimate, config, run)
     layout = layout_from_json(layout_to_json(layout), "layout.json")  # its decimals: exports made later are equal
+    if plan_only:
+        model = _model(sequence, layout, (), config, run)
+    else:
+        model, poses = _finished(sequence, calibration, estimate, layout, poses, config, run)
+    warnings = tuple(dict.fromkeys(run.warnings))
+    return Build(sequence, config, model, estimate, calibration, poses, run.seconds, run.counts, warnings, measured)
+
+
+def _finished(
+    sequence: Sequence,
+    calibration: Calibration | None,
+    estimate: MapEstimate,
+    layout: Layout,
+    poses: tuple[Pose3 | None, ...],
+    config: Config,
+    run: _Run,
+) -> tuple[Model, tuple[Pose3 | None, ...]]:
+    """The model with all that images and scans tell of it, and the cameras, refined."""
     poses = _refined_poses(sequence, calibration, estimate, layout, poses, config, run)
     model = _model(sequence, layout, poses, config, run)
     with run.stage("occupancy"):
@@ -129,8 +154,7 @@ def build(sequence: Sequence, config: Config, progress: Progress = SILENT, measu
     cloud = _cloud(sequence, estimate.trajectory, model.faces, poses, run)
     drive = as_written(estimate.trajectory)
     model = replace(model, trajectory=drive, pose_sigmas=estimate.pose_sigmas, occupancy=occupancy, cloud=cloud)
-    warnings = tuple(dict.fromkeys(run.warnings))
-    return Build(sequence, config, model, estimate, calibration, poses, run.seconds, run.counts, warnings, measured)
+    return model, poses
 
 
 def _scans(sequence: Sequence, config: Config, run: _Run) -> tuple[Sequence, ScanMatching, ScanSegments]:

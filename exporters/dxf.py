@@ -28,7 +28,11 @@ if TYPE_CHECKING:
 APPLICATION = "RECON"
 """Owner of the extended data on entities: names, standard deviations (m, rad), sources."""
 VERSIONS = {"cad": "R2018", "plain": "R2000"}
-UNITS: dict[Units, tuple[float, int, int, int]] = {"m": (1.0, 6, 1, 2), "mm": (1000.0, 4, 1, 2), "ft": (1 / INCH, 1, 0, 4)}
+UNITS: dict[Units, tuple[float, int, int, int]] = {
+    "m": (1.0, 6, 1, 2),
+    "mm": (1000.0, 4, 1, 2),
+    "ft": (1 / INCH, 1, 0, 4),
+}
 """Drawing units in a metre; $INSUNITS, $MEASUREMENT and $LUNITS."""
 DASH, GAP = 1.6, 1.0
 """mm on paper."""
@@ -144,9 +148,7 @@ def _dimension_style(document: Document, mm: float, options: DrawingOptions) -> 
     style.dxf.dimtxsty = STYLE
 
 
-def _sheet(
-    document: Document, floors: Sequence[Floor], suffix: str, drawing: Drawing, options: DrawingOptions
-) -> None:
+def _sheet(document: Document, floors: Sequence[Floor], suffix: str, drawing: Drawing, options: DrawingOptions) -> None:
     """Title block and a view of the plan to scale, in millimetres; of other storeys nothing is seen."""
     unit = UNITS[options.units][0]
     space = document.layouts.new(f"Plan{suffix}") if suffix else document.layouts.get("Layout1")
@@ -165,4 +167,6 @@ def _sheet(
         status=2,
     )
     view.dxf.layer = layer_name(VIEWPORT, options, suffix)
-    view.frozen_layers = [layer_name(layer, options, other) for other, _, _ in floors if other != suffix for layer in LAYERS]
+    view.frozen_layers = [
+        layer_name(layer, options, other) for other, _, _ in floors if other != suffix for layer in LAYERS
+    ]

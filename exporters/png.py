@@ -28,5 +28,5 @@ def write_png(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
     finally:
         document.close()
     stream = io.BytesIO()
-    picture.save(stream, "PNG", optimize=True)
+    picture.save(stream, "PNG")
     return Output(stream.getvalue())

@@ -166,7 +166,9 @@ def _fonts(drawing: Drawing) -> str:
 def _subset(characters: str, bold: bool) -> bytes:
     from fontTools import subset
 
-    options = subset.Options(flavor="woff", hinting=False, layout_features=[], notdef_outline=True, drop_tables=["FFTM"])
+    options = subset.Options(
+        flavor="woff", hinting=False, layout_features=[], notdef_outline=True, drop_tables=["FFTM"]
+    )
     font: Any = subset.load_font(str(font_path(bold)), options)
     subsetter = subset.Subsetter(options)
     subsetter.populate(text=characters)

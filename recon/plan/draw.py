@@ -47,7 +47,9 @@ def draw_plan(model: Model, options: DrawingOptions = DEFAULT, angle: float | No
     plan.sort(key=lambda element: LAYERS.index(element.layer))
     free = np.ptp(sheet.space, axis=0) - (high - low) * 1000 / scale - [left + right, bottom + top]
     offset = sheet.space[0] + [left, bottom] + free / 2 - low * 1000 / scale
-    facts = Facts(model.name, _summary(layout, options), _notes(model, layout, options, angle), _legend(layout, solids), angle)
+    facts = Facts(
+        model.name, _summary(layout, options), _notes(model, layout, options, angle), _legend(layout, solids), angle
+    )
     window = (sheet.space - offset) * scale / 1000
     frame = tuple(draw_sheet(sheet, facts, options))
     return Drawing(model.name, tuple(plan), frame, scale, sheet.paper, sheet.size, angle, offset, window)
@@ -114,5 +116,3 @@ def _legend(layout: Layout, solids: Solids) -> tuple[str, ...]:
         "furniture": bool(layout.objects),
     }
     return tuple(kind for kind in LEGEND if there[kind])
-
-

@@ -33,10 +33,12 @@ def shortened(text: str, height: float, width: float, bold: bool = False) -> str
     """The text, or as much of it as fits into `width`, with an ellipsis."""
     if text_width(text, height, bold) <= width:
         return text
-    kept = text
-    while kept and text_width(kept + "…", height, bold) > width:
-        kept = kept[:-1].rstrip()
-    return kept + "…" if kept else ""
+    low, high = 0, len(text)  # of so many characters it fits, of so many it does not
+    while high - low > 1:
+        middle = (low + high) // 2
+        fits = text_width(text[:middle].rstrip() + "…", height, bold) <= width
+        low, high = (middle, high) if fits else (low, middle)
+    return text[:low].rstrip() + "…" if low else ""
 
 
 def wrapped(text: str, height: float, width: float, bold: bool = False) -> list[str]:
@@ -48,9 +50,7 @@ def wrapped(text: str, height: float, width: float, bold: bool = False) -> list[
             lines[-1] = joined
             continue
         while text_width(word, height, bold) > width and len(word) > 1:
-            fitting = next(
-                (n for n in range(len(word) - 1, 1, -1) if text_width(word[:n], height, bold) <= width), 1
-            )
+            fitting = next((n for n in range(len(word) - 1, 1, -1) if text_width(word[:n], height, bold) <= width), 1)
             lines.append(word[:fitting])
             word = word[fitting:]
         lines.append(word)

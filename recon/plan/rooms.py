@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,8 @@ CLEAR = 0.8
 """mm around a label, free of everything."""
 WIDEST = 42.0
 """mm; longer names are broken."""
+MOST_LINES = 3
+"""Of a name."""
 _TRIED = 60  # places for a label
 
 
@@ -69,17 +72,19 @@ def _label(
     for size in SIZES:
         for lines in _contents(room, layout, options, size):
             for angle in (0.0, np.pi / 2):
-                for obstacles in ((texts, furniture), (texts,)):
-                    for spot in spots:
-                        box, label = _set(lines, spot, angle, mm)
-                        if shape.covers(shapely.Polygon(box)) and all(taken.free(box) for taken in obstacles):
-                            return label
+                box, label = _set(lines, angle, mm)
+                inside = [s for s in spots if shape.covers(shapely.Polygon(box + s)) and texts.free(box + s)]
+                spot = next((s for s in inside if furniture.free(box + s)), inside[0] if inside else None)
+                if spot is not None:
+                    return [replace(text, at=text.at + spot) for text in label]
     return _cramped(room, spots, mm, texts)
 
 
 def _contents(room: Room, layout: Layout, options: DrawingOptions, size: float) -> Iterator[Lines]:
     """What a label says, from much to little."""
     name = wrapped(clean(room.name), NAME, WIDEST, bold=True)
+    if len(name) > MOST_LINES:
+        name = [*name[: MOST_LINES - 1], shortened(" ".join(name[MOST_LINES - 1 :]), NAME, WIDEST, bold=True)]
     shown = [(line, NAME * size, True) for line in name]
     area = [(area_text(room.area, options.units), DETAIL * size, False)]
     height, sigma = room.ceiling_height, room.sigma_ceiling
@@ -99,22 +104,22 @@ def _cramped(room: Room, spots: list[Array], mm: float, texts: Taken) -> list[Te
     spot, radius = label_spot(room.polygon)
     height = NAME * SIZES[-1]
     name = shortened(clean(room.name), height, max(2 * radius / mm - 1, 0.0), bold=True)
-    box, label = _set([(name, height, True)], spot, 0.0, mm)
-    return label if name and texts.free(box) else []
+    box, label = _set([(name, height, True)], 0.0, mm)
+    return [replace(text, at=text.at + spot) for text in label] if name and texts.free(box + spot) else []
 
 
-def _set(lines: Lines, spot: Array, angle: float, mm: float) -> tuple[Array, list[Text]]:
-    """Lines one below the other, centred on `spot`; the box (4, 2) around them, and the texts."""
+def _set(lines: Lines, angle: float, mm: float) -> tuple[Array, list[Text]]:
+    """Lines one below the other, centred on the origin; the box (4, 2) around them, and the texts."""
     turn, heights = rotation2(angle), np.array([height for _, height, _ in lines])
     total = float(heights[0] + LINE * heights[1:].sum())
     width = max(text_width(text, height, bold) for text, height, bold in lines)
     down, texts = total / 2 - heights[0], []
     for i, (text, height, bold) in enumerate(lines):
         down -= LINE * height if i else 0.0
-        at = spot + turn @ np.array([0.0, down * mm])
+        at = turn @ np.array([0.0, down * mm])
         texts.append(Text(AREA_NAME, text, at, height * mm, angle, "middle", bold))
     corners = np.array([[-width, -total], [width, -total], [width, total], [-width, total]]) / 2 * mm
-    return grown(spot + corners @ turn.T, CLEAR * mm / 2), texts
+    return grown(corners @ turn.T, CLEAR * mm / 2), texts
 
 
 def _spots(room: Room, shape: BaseGeometry) -> list[Array]:

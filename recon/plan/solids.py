@@ -47,7 +47,9 @@ class Solids:
         solid = _only(shapely.difference, whole, unseen)
         measured = _only(shapely.intersection, _closed(between), solid)
         assumed = _substantial(_only(shapely.difference, solid, measured))
-        seen = shapely.unary_union([shapely.LineString(f.points) for f in faces(layout) if f.layer is WALL]).buffer(GRID)
+        seen = shapely.unary_union([shapely.LineString(f.points) for f in faces(layout) if f.layer is WALL]).buffer(
+            GRID
+        )
         behind_seen = [part for part in _polygons(assumed) if part.intersects(seen)]
         return Solids(measured, shapely.unary_union(behind_seen), whole)
 

@@ -39,7 +39,7 @@ class Facts:
 LEGEND = {
     "measured": "wall, both faces measured",
     "assumed": "wall, one face measured",
-    "inferred": "wall that no sensor saw, inferred",
+    "inferred": "inferred wall, not seen",
     "door": "door, swing not measured",
     "passage": "passage",
     "window": "window",
@@ -188,5 +188,3 @@ def _arrow(centre: Array, facts: Facts, options: DrawingOptions) -> Iterator[Ele
 
 def _box(left: float, low: float, right: float, high: float) -> Array:
     return np.array([[left, low], [right, low], [right, high], [left, high]])
-
-

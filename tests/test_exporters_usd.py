@@ -11,8 +11,10 @@ from PIL import Image
 from pxr import Kind, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
 from two_rooms import HEIGHT, QUADRANTS, corner, two_rooms
 
-from recon.exporters import export
+from recon.exporters import export, export_building
+from recon.exporters.options import ExportOptions, UsdProfile
 from recon.model import Face
+from recon.storeys import Storey, stack
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -132,3 +134,32 @@ def test_faces_without_a_texture_share_clean_materials(tmp_path: Path) -> None:
     assert names == {"neutral_wall", "neutral_floor", "neutral_ceiling"}
     wall = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/building/room_000/wall_000"))
     assert wall.ComputeBoundMaterial()[0].GetPath() == "/building/materials/neutral_wall"
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("profile", [None, "simready", "arkit"])
+def test_storeys_stand_above_one_another(suffix: str, profile: UsdProfile | None, tmp_path: Path) -> None:
+    if profile == "arkit" and suffix != ".usdz":
+        pytest.skip("the profile arkit is a package")
+    model = two_rooms()
+    building = stack("Haus", [Storey("1. Stock", 3.2, model), Storey("Erdgeschoß", 0.0, model)])
+    path = tmp_path / f"haus{suffix}"
+    export_building(building, path, ExportOptions(usd_profile=profile))
+    assert complaints(path) == []
+    stage = Usd.Stage.Open(str(path))
+    levels = [prim for prim in stage.GetDefaultPrim().GetChildren() if prim.IsA(UsdGeom.Xform)]
+    assert [prim.GetDisplayName() for prim in levels] == ["Erdgeschoß", "1. Stock"]
+    boxes = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"])
+    up = 1 if profile == "arkit" else 2
+    for prim, elevation in zip(levels, (0.0, 3.2), strict=True):
+        box = boxes.ComputeWorldBound(prim).ComputeAlignedRange()
+        assert (box.GetMin()[up], box.GetMax()[up]) == pytest.approx((elevation, elevation + HEIGHT), abs=1e-6)
+        wall = stage.GetPrimAtPath(f"{prim.GetPath()}/room_000/wall_000")
+        assert f"/{prim.GetName()}/wall_000.jpg" in texture_path(UsdGeom.Mesh(wall))
+    pictures = len([face for face in model.faces if face.texture is not None])
+    assert len({texture_path(UsdGeom.Mesh(p)) for p in stage.Traverse() if has_texture(p)}) == 2 * pictures
+
+
+def has_texture(prim: Usd.Prim) -> bool:
+    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+    return prim.IsA(UsdGeom.Mesh) and bool(material) and not material.GetPrim().GetName().startswith("neutral_")

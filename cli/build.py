@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from recon.config import Config
     from recon.exporters.options import ExportOptions
     from recon.measured import Measured
-    from recon.plan.options import DrawingOptions
     from recon.sequence.sequence import Sequence
 
 
@@ -86,6 +85,7 @@ def build(
     from recon.exporters import check_outputs
     from recon.exporters.options import ExportOptions
     from recon.measured import Measured
+    from recon.plan.options import DrawingOptions
     from recon.sequence.open import open_sequence
     from recon.sequence.topics import Topics
     from recon.tape import read_tape

@@ -50,6 +50,7 @@ from recon.measured import NOTHING, Measured
 from recon.memory import give_back
 from recon.model import Face, Layout, Model
 from recon.progress import SILENT, Progress, Stage
+from recon.reveals import with_side_colours
 from recon.segmentation.furniture import standing_furniture
 from recon.segmentation.heights import measure_objects
 from recon.sequence.images import iterate_images, load_image
@@ -386,7 +387,7 @@ def _model(sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], 
         with run.stage("objects"):
             layout = replace(layout, objects=measure_objects(layout, faces, camera, poses, load))
         with run.stage("texture"):
-            faces = texture_faces(faces, camera, poses, load, config.texture, config.workers)
+            faces = with_side_colours(texture_faces(faces, camera, poses, load, config.texture, config.workers))
     notes = []
     if layout.ceiling_height is None:
         notes.append(f"No image shows the ceiling; walls are {layout.default_ceiling_height:.2f} m high by default.")

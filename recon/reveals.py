@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.holes import DECIMALS, Hole
@@ -22,6 +25,8 @@ ASSUMED_LEAF = 0.05
 """m behind the wall's face where leaves and glass sit that nothing has measured."""
 FLUSH = 1e-3
 """m: a leaf less deep has no sides."""
+PLAIN = 4
+"""Texels a side of a picture of one colour."""
 QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 
 
@@ -37,6 +42,30 @@ def reveals(holes: tuple[Hole, ...]) -> tuple[Face, ...]:
     for hole, k in zip(holes, behind, strict=True):
         faces += _faces(hole, holes[k] if k >= 0 else None)
     return tuple(faces)
+
+
+def with_side_colours(faces: tuple[Face, ...]) -> tuple[Face, ...]:
+    """The faces; jambs, heads and sills that no image shows have the usual colour of the others of the opening.
+
+    The sides of an opening are painted alike, more often than not. Their pictures count as filled.
+    """
+    seen: dict[int | None, list[NDArray[np.uint8]]] = {}
+    for face in faces:
+        if face.kind == "reveal" and face.texture is not None:
+            seen.setdefault(face.opening, []).append(face.texture.reshape(-1, 3))
+    return tuple(
+        _painted(face, np.median(np.concatenate(seen[face.opening]), axis=0))
+        if face.kind == "reveal" and face.texture is None and face.opening in seen
+        else face
+        for face in faces
+    )
+
+
+def _painted(face: Face, colour: Array) -> Face:
+    texture = np.tile(np.rint(colour).astype(np.uint8), (PLAIN, PLAIN, 1))
+    size = float(np.linalg.norm(np.ptp(face.vertices, axis=0)))
+    sources = np.full((PLAIN, PLAIN), -1, np.int32)
+    return replace(face, texture=texture, metres_per_texel=size / PLAIN, seen_fraction=0.0, sources=sources)
 
 
 def _other_ends(holes: tuple[Hole, ...]) -> list[int]:

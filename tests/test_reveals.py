@@ -12,7 +12,7 @@ from recon.geometry import Pose3, inverse2
 from recon.holes import holes_of
 from recon.labels import CEILING, UNLABELLED, LabelRenderer
 from recon.model import Face, Layout, Opening, Wall
-from recon.reveals import ASSUMED_DEPTH, ASSUMED_LEAF, reveals
+from recon.reveals import ASSUMED_DEPTH, ASSUMED_LEAF, reveals, with_side_colours
 from recon.simulate import Plan, run_simulation
 from recon.simulate.render import Exposure, Renderer
 from recon.simulate.simulation import image_poses
@@ -74,7 +74,9 @@ def test_faces_look_into_the_opening() -> None:
         assert face.ref == 7 and face.opening == 0
         assert face.vertices[:, 1].min() == pytest.approx(-0.2) and face.vertices[:, 1].max() == pytest.approx(0.0)
         plane, *_ = np.linalg.lstsq(np.column_stack([face.uv, np.ones(4)]), face.vertices, rcond=None)
-        np.testing.assert_allclose(np.cross(plane[0], plane[1]), 0.2 * np.array(normal) * (2 if abs(normal[0]) else 1), atol=1e-12)
+        np.testing.assert_allclose(
+            np.cross(plane[0], plane[1]), 0.2 * np.array(normal) * (2 if abs(normal[0]) else 1), atol=1e-12
+        )
     assert left.vertices[0, 0] == 2.0 and right.vertices[0, 0] == 1.0
     assert (threshold.vertices[:, 2] == 0).all() and (head.vertices[:, 2] == 2.0).all()
     turned = replace(layout, openings=(hole(0, 7, (2, 0), (1, 0)),))
@@ -118,3 +120,20 @@ def test_nothing_says_how_thick_the_wall_is() -> None:
     faces = box(Layout((wall(0, (0, 0), (4, 0)),), (), (hole(0, 0, (1, 0), (2, 0)),)))
     for face in faces.values():
         assert float(np.ptp(face.vertices[:, 1])) == pytest.approx(ASSUMED_DEPTH)
+
+
+def test_sides_that_nobody_saw_are_painted_like_those_of_their_opening() -> None:
+    holes = hole(0, 0, (0.5, 0), (1.5, 0)), hole(1, 0, (2, 0), (3, 0))
+    faces = tuple(box(Layout((wall(0, (0, 0), (4, 0)),), (), holes)).values())
+    blue = np.tile(np.array([10, 20, 200], np.uint8), (6, 3, 1))
+    blue[0] = 255  # a light, which is not the usual colour
+    taken = tuple(replace(f, texture=blue, seen_fraction=1.0) if f.name == "reveal_000_left" else f for f in faces)
+    painted = {face.name: face for face in with_side_colours(taken)}
+    assert painted["reveal_000_left"] is taken[0]
+    for name in ("reveal_000_right", "reveal_000_head"):
+        texture, filled = painted[name].texture, painted[name].filled
+        assert texture is not None and (texture == [10, 20, 200]).all()
+        assert painted[name].seen_fraction == 0.0 and filled is not None and filled.all()
+    assert painted["threshold_000"].texture is None, "the floor is another matter"
+    assert all(face.texture is None for name, face in painted.items() if "_001" in name)
+    assert with_side_colours(faces) == faces

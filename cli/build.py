@@ -126,7 +126,7 @@ def _build(
     result = build_model(drive, config, progress, measured)
     said: list[str] = []
     with progress.stage("writing"):
-        save_result(result, folder)
+        save_result(result, folder, outputs)
         for path in outputs:
             said += export(result.model, path, options)
     for message in result.warnings:

@@ -13,6 +13,7 @@ from recon.errors import OutputError
 from recon.files import atomic_path
 from recon.geometry import Array
 from recon.model import Wall
+from recon.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 from recon.sequence.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ SHOWN = 0.02
 LEAST = 0.02
 """Standard deviations: smaller residuals are drawn here."""
 INK, SOFT, PATH, RIGHT, WRONG, LOOP = "#1c1e21", "#9aa0a6", "#1f6feb", "#f0a35e", "#c62828", "#2e9e4f"
+
+FLOOR_COLOURS = np.zeros((3, 3), np.uint8)
+FLOOR_COLOURS[UNKNOWN], FLOOR_COLOURS[FREE], FLOOR_COLOURS[OCCUPIED] = (255, 255, 255), (238, 242, 247), (170, 178, 188)
 
 KINDS = {"lidar": PATH, "image": WRONG, "motion": LOOP, "odometry": RIGHT}
 
@@ -56,6 +60,7 @@ class Drawing:
     """What is drawn. sigmas: (N, 3) m, m, rad of the poses, or (0, 3). closures: (L, 2, 2) m, ends of each.
 
     residuals: root mean square of normalised residuals by kind of factor; scan_residuals: (N,) those of every scan.
+    occupancy: the map of the scans, drawn below everything.
     """
 
     trajectory: Trajectory
@@ -65,6 +70,7 @@ class Drawing:
     residuals: dict[str, float]
     truth: Truth = field(default_factory=Truth)
     scan_residuals: dict[str, Array] = field(default_factory=dict)
+    occupancy: Occupancy | None = None
 
 
 def check_suffix(path: Path) -> None:
@@ -117,11 +123,11 @@ def _map(axes: Axes, drawing: Drawing) -> None:
     from matplotlib.collections import LineCollection
 
     truth, way = drawing.truth, drawing.trajectory.poses[:, :2]
-    measured = [np.stack([w.start, w.end]) for w in drawing.walls if w.source != "inferred"]
+    if drawing.occupancy is not None:
+        _seen_floor(axes, drawing.occupancy)
     inferred = [np.stack([w.start, w.end]) for w in drawing.walls if w.source == "inferred"]
     for lines, colour, width, style, label in (
         (truth.walls, RIGHT, 4.0, "solid", "true walls"),
-        (measured, INK, 1.4, "solid", "walls"),
         (inferred, SOFT, 1.0, (0, (2, 1)), "walls, inferred"),
         (list(drawing.closures), LOOP, 0.8, "solid", "loop closures"),
         (list(truth.worst), WRONG, 0.8, "solid", "worst relations"),
@@ -130,6 +136,7 @@ def _map(axes: Axes, drawing: Drawing) -> None:
             axes.add_collection(
                 LineCollection(list(lines), colors=colour, linewidths=width, linestyles=style, label=label)
             )
+    _walls(axes, [wall for wall in drawing.walls if wall.source != "inferred"])
     if len(truth.way):
         axes.plot(*truth.way.T, color=RIGHT, linewidth=2.2, label="true trajectory")
     axes.plot(*way.T, color=PATH, linewidth=1.0, label="trajectory")
@@ -140,6 +147,28 @@ def _map(axes: Axes, drawing: Drawing) -> None:
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4, frameon=False, fontsize=8)
+
+
+def _seen_floor(axes: Axes, grid: Occupancy) -> None:
+    """What the scans saw free, and where they met something."""
+    (left, bottom), (right, top) = grid.corners[0], grid.corners[2]
+    picture = FLOOR_COLOURS[grid.cells]
+    axes.imshow(picture, extent=(left, right, bottom, top), origin="lower", interpolation="antialiased", zorder=0)
+
+
+def _walls(axes: Axes, walls: list[Wall]) -> None:
+    """Measured walls, coloured by the standard deviation of their place."""
+    from matplotlib.collections import LineCollection
+
+    if not walls:
+        return
+    sigmas = 1000 * np.array([wall.sigma_offset for wall in walls])
+    lines = LineCollection([np.stack([w.start, w.end]) for w in walls], cmap="plasma", linewidths=2.0, label="walls")
+    lines.set_array(sigmas)
+    lines.set_clim(0.0, max(float(np.percentile(sigmas, 95)), 0.1) * 1.15)  # the palest yellow is hard to see
+    axes.add_collection(lines)
+    bar = axes.figure.colorbar(lines, ax=axes, shrink=0.5, aspect=40, pad=0.01)
+    bar.set_label("standard deviation of a wall's place, mm", fontsize=8)
 
 
 def _ellipses(axes: Axes, drawing: Drawing) -> None:

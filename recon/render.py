@@ -33,16 +33,23 @@ def render_model(
 
     Walls seen from behind are shown too. `background` is where there is no face.
     """
+    scene = TexturedScene(model.faces, pixel_angle=1 / float(camera.matrix[0, 0]))
+    return np.clip(np.rint(render_scene(scene, camera, map_from_camera, background)), 0, 255).astype(np.uint8)
+
+
+def render_scene(
+    scene: TexturedScene, camera: Camera, map_from_camera: Pose3, background: tuple[float, float, float]
+) -> NDArray[np.float32]:
+    """As `render_model`, (height, width, 3) RGB, of a scene that serves many views of one camera."""
 
     def rays(pixels: Array) -> tuple[Array, Array]:
         directions = np.column_stack([camera.undistort(pixels), np.ones(len(pixels))])
         directions = directions / np.linalg.norm(directions, axis=1, keepdims=True) @ map_from_camera.rotation.T
         return np.broadcast_to(map_from_camera.translation, directions.shape), directions
 
-    scene = TexturedScene(model.faces, pixel_angle=1 / float(camera.matrix[0, 0]))
     canvas = np.empty((camera.height, camera.width, 3), np.float32)
     canvas[:] = background
-    return np.clip(np.rint(scene.render(rays, canvas)), 0, 255).astype(np.uint8)
+    return scene.render(rays, canvas)
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ class StandInBuild:
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """`stand_in(build=..., save=...)`: what `recon build` calls instead of the pipeline and of writing a result."""
 
-    def replace(build: Callable[..., Any], save: Callable[..., None] = lambda _build, folder: folder.mkdir()) -> None:
+    def replace(build: Callable[..., Any], save: Callable[..., None] = lambda _build, folder, _outputs: folder.mkdir()) -> None:
         for name, attribute, function in (("pipeline", "build", build), ("results", "save_result", save)):
             module = ModuleType(f"recon.{name}")
             setattr(module, attribute, function)

@@ -152,10 +152,10 @@ def _score(held: HeldOut, seen: Model, index: int, mask: Mask) -> tuple[ViewScor
     coverage, share = float(use.sum() / mask.sum()), float(use.mean())
     name = held.images.names[index]
     score = ViewScore(name, good.psnr, everywhere, good.ssim, good.sharpness, coverage, share)
-    return score, _side_by_side(photo, render, use)
+    return score, side_by_side(photo, render, use)
 
 
-def _side_by_side(photo: Picture, render: Picture, mask: Mask) -> NDArray[np.uint8]:
+def side_by_side(photo: Picture, render: Picture, mask: Mask) -> NDArray[np.uint8]:
     """Photo, render and their difference about grey, white where nothing is compared: (H, 3 W, 3) BGR."""
     difference = np.where(mask[..., None], 128 + BESIDE * (render - photo), 255)
     row = np.concatenate([photo, render, difference], axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import uuid
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,17 +32,20 @@ if TYPE_CHECKING:
 PNG_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
 
-def save_result(build: Build, folder: Path) -> None:
-    """Write everything beside `folder`, then put it in the place of what was there.
+def save_result(build: Build, folder: Path, outputs: Sequence[Path] = ()) -> None:
+    """Write everything beside `folder`, then put it in the place of what was there; the report links to `outputs`.
 
     Raises OutputError when `folder` is something else than a result folder or cannot be written.
     """
     if folder.exists() and not (folder.is_dir() and ((folder / "layout.json").is_file() or not any(folder.iterdir()))):
         raise OutputError(f"{folder}: is no result folder of recon, expected one or nothing there")
+    from recon.report import write_report
+
     fresh = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}")
     try:
         fresh.mkdir()
         _write(build, fresh)
+        write_report(build, fresh, folder, outputs)
         _replace(folder, fresh)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
@@ -80,9 +84,6 @@ def _write(build: Build, folder: Path) -> None:
     _write_cameras(build, folder)
     write_overlays(build, folder)
     _write_json(folder / "metrics.json", metrics(build))
-    from recon.report import write_report
-
-    write_report(build, folder)
 
 
 def _write_cameras(build: Build, folder: Path) -> None:

@@ -14,17 +14,14 @@ NAMES = ("scale", "paper", "units", "layers", "dxf_profile", "sigmas", "north")
 PAPERS = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid", "ansi-c", "ansi-d", "ansi-e")
 
 
-class Scale(click.ParamType):
-    """`50` or `1:50`."""
-
-    name = "1:n"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """The n of 1:n."""
-        number = str(value).removeprefix("1:")
-        if not number.isascii() or not number.isdigit() or not 1 <= int(number) <= 100_000:
-            self.fail(f"{value!r} is no scale, expected one like 50 or 1:50.", param, ctx)
-        return int(number)
+def read_scale(_context: click.Context, _option: click.Parameter, value: str | None) -> int | None:
+    """The n of `n` or `1:n`; BadParameter for anything else."""
+    if value is None:
+        return None
+    number = value.removeprefix("1:")
+    if not number.isascii() or not number.isdigit() or not 1 <= int(number) <= 100_000:
+        raise click.BadParameter(f"{value!r} is no scale, expected one like 50 or 1:50.")
+    return int(number)
 
 
 def drawing_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -54,7 +51,9 @@ def check_drawings(drawings: Iterable[str], outputs: Iterable[Path]) -> None:
 
 
 _OPTIONS = (
-    click.option("--scale", type=Scale(), help="Of plans: 50, 100, 200 ... (default: what fits)."),
+    click.option(
+        "--scale", metavar="1:N", callback=read_scale, help="Of plans: 50, 100, 200 ... (default: what fits)."
+    ),
     click.option("--paper", type=click.Choice(PAPERS, case_sensitive=False), help="Of plans (default: what fits)."),
     click.option(
         "--units", type=click.Choice(["m", "mm", "ft"]), help="Of plans: metres (default), mm, feet and inches."

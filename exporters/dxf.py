@@ -129,7 +129,7 @@ def _views(document: Document, floors: Sequence[Floor], unit: float) -> None:
 
 
 def _dimension_style(document: Document, mm: float, options: DrawingOptions) -> None:
-    """Architectural: oblique strokes, short extension lines, figures above the line. mm: one on paper, drawing units."""
+    """Architectural: oblique strokes, short extension lines, figures above. mm: one on paper, drawing units."""
     from recon.plan.chains import BEYOND
     from recon.plan.drawing import TICK
     from recon.plan.inner import GAP as RISE
@@ -139,7 +139,7 @@ def _dimension_style(document: Document, mm: float, options: DrawingOptions) -> 
     sizes = {"dimtxt": HEIGHT, "dimtsz": TICK, "dimasz": TICK, "dimgap": RISE / 2, "dimexe": BEYOND, "dimfxl": BEYOND}
     lengths = {name: value * mm for name, value in (sizes | {"dimexo": 0.5}).items()}
     decimals = {"m": 3, "mm": 0, "ft": 3}[options.units]
-    fixed = {"dimdec": decimals, "dimzin": 0, "dimdsep": 46, "dimtad": 1, "dimtmove": 2, "dimtih": 0}
+    fixed: dict[str, float] = {"dimdec": decimals, "dimzin": 0, "dimdsep": 46, "dimtad": 1, "dimtmove": 2, "dimtih": 0}
     colours = dict.fromkeys(("dimclrd", "dimclre", "dimclrt"), BY_LAYER)
     fixed |= {"dimtoh": 0, "dimscale": 1.0, "dimlfac": 1.0, "dimfxlon": 1, "dimlunit": 2}
     for name, value in (lengths | fixed | colours).items():

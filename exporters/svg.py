@@ -44,11 +44,12 @@ def write_svg(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
     _draw_plan(root, drawing, names)
     texts = ET.SubElement(root, "g", {"id": "texts", "font-family": FAMILY})
     sheet = ET.SubElement(root, "g", {"id": "sheet", "font-family": FAMILY, "fill": "none"})
-    for element in drawing.elements():
-        if isinstance(element, Text) and not any(element is other for other in drawing.sheet):
-            _write(texts, element, drawing)
-    for element in drawing.sheet:
-        _draw_on_sheet(sheet, element, drawing)
+    for element in drawing.plan:
+        for part in drawing.plain(element):
+            if isinstance(part, Text):
+                _write(texts, part, drawing)
+    for item in drawing.sheet:
+        _draw_on_sheet(sheet, item, drawing)
     ET.indent(root)
     return Output(ET.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import dataclasses
 import re
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -168,6 +169,7 @@ def test_all_formats_say_the_same(building: Model, tmp_path: Path) -> None:
     words = set(page.split())
     assert {word for text in shown for word in text.split()} <= words
     picture = cv2.imread(str(tmp_path / "plan.png"))
+    assert picture is not None
     width, height = draw_plan(building).paper
     assert picture.shape[1] / picture.shape[0] == pytest.approx(width / height, rel=0.01)
     assert 0.01 < np.mean(picture < 128) < 0.3  # something is drawn, and it is no black page
@@ -238,7 +240,8 @@ def test_what_does_not_fit_is_refused(building: Model, tmp_path: Path) -> None:
 
 def grid(side: int) -> Model:
     """side x side square rooms of 4 m, 0.15 m apart."""
-    rooms, walls = [], []
+    rooms: list[Room] = []
+    walls: list[Wall] = []
     for k in range(side * side):
         low = 4.15 * np.array(divmod(k, side)) - 2000.0
         polygon = low + np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
@@ -280,7 +283,7 @@ def odd_names() -> Model:
     )
 
 
-ODD = {
+ODD: dict[str, Callable[[], Model]] = {
     "nothing": lambda: Model("", Layout((), ()), ()),
     "one wall": lambda: Model("wall", ONE_WALL, ()),
     "hole": keyhole,

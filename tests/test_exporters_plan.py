@@ -86,7 +86,7 @@ def test_svg_walls_are_broken_at_openings(tmp_path: Path) -> None:
     export(model, tmp_path / "plan.svg")
     page = Page(tmp_path / "plan.svg")
     np.testing.assert_allclose(page.points("wall_000"), np.array([[0, 0], [1, 0], [1.9, 0], [6, 0]]), atol=1e-6)
-    drawn = {name for name in page.ids if re.fullmatch(r"(door|passage|window)_\d+", name)}
+    drawn = {name for name in page.ids if re.fullmatch(r"(door|passage|window)_\d+", str(name))}
     assert drawn == {"door_000", "passage_001", "window_003"}  # the passage once, through both walls
 
 

@@ -66,7 +66,7 @@ def find_chains(layout: Layout) -> tuple[Chains, ...]:
     """Chains of the bottom, the left, the top and the right; of the last two only what the first two do not say."""
     sides = [_side(layout, turn) for turn in TURNS]
     for k in (2, 3):
-        known = [row for row in sides[k - 2].rows]
+        known = sides[k - 2].rows
         rows = [row for row in sides[k].rows if not any(_mirrored(row, other) for other in known)]
         sides[k] = Chains(sides[k].turn, tuple(rows))
     return tuple(sides)
@@ -91,9 +91,9 @@ def draw_chains(
     for a, b, line, extensions in drawn:
         sigma = _sigma(a, b, sigmas) if options.sigmas else None
         text = _text(a, b, line, sigma, options, mm, texts, lines)
-        ends = (stop.point @ chains.turn for stop in (a, b))
+        start, end = (stop.point @ chains.turn for stop in (a, b))
         walls = frozenset(stop.wall.id for stop in (a, b) if stop.wall is not None)
-        yield Dimension(DIMENSIONS, *ends, line, text, sigma, extensions, walls)
+        yield Dimension(DIMENSIONS, start, end, line, text, sigma, extensions, walls)
 
 
 def _text(
@@ -162,7 +162,7 @@ def _faces(layout: Layout, turn: Array) -> list[Stop]:
             found.append(Stop(float(point[0]), point, wall))
     clear = np.zeros(len(found), bool)
     for beside in (-0.01, 0.01):
-        clear |= _clear(layout, turn, np.array([s.point + [beside, -0.01] for s in found]).reshape(-1, 2))
+        clear |= _clear(layout, turn, np.array([s.point + np.array([beside, -0.01]) for s in found]).reshape(-1, 2))
     return [stop for stop, ok in zip(found, clear, strict=True) if ok]
 
 

@@ -52,7 +52,7 @@ class Fill:
 
 @dataclass(frozen=True)
 class Text:
-    """One line. at: (2,), on the base line, at the text's `anchor`. height: of capitals. angle: rad, of the base line."""
+    """One line. at: (2,), on the base line, at its `anchor`. height: of capitals. angle: rad, of the base line."""
 
     layer: Layer
     text: str
@@ -81,7 +81,8 @@ class Dimension:
     """The distance from `start` to `end` (2,), written at a `line` (2, 2) beside them, from foot to foot.
 
     text: None where there is no room for it. sigma: m, None where it is not known. extensions: lines (2, 2) across the
-    ends of the dimension line, none where that runs from wall to wall. walls: ids of the two, where both ends are walls.
+    ends of the dimension line, none where that runs from wall to wall. walls: ids of both,
+    where both ends are walls.
     """
 
     layer: Layer
@@ -101,7 +102,7 @@ class Dimension:
     def ticks(self, scale: int) -> tuple[Array, ...]:
         """Oblique strokes (2, 2) over the line's ends."""
         step = (self.line[1] - self.line[0]) / max(self.distance, 1e-9)
-        stroke = TICK * scale / 1000 * (step + [-step[1], step[0]]) / np.sqrt(2)
+        stroke = TICK * scale / 1000 * (step + np.array([-step[1], step[0]])) / np.sqrt(2)
         return tuple(np.stack([end - stroke, end + stroke]) for end in self.line)
 
 
@@ -112,8 +113,8 @@ Element = Polyline | Fill | Text | Dimension
 class Drawing:
     """A plan on a sheet. angle: rad, of the drawing frame's x axis in the map. paper: (width, height), mm.
 
-    offset: (2,), mm, where the plan's origin lies on the sheet. window: (low, high) corners, m, what of the plan's space
-    is on the sheet. title: of the building.
+    offset: (2,), mm, where the plan's origin lies on the sheet. window: (low, high) corners, m, what of the plan's
+    space is on the sheet. title: of the building.
     """
 
     title: str

@@ -121,8 +121,10 @@ def figures(
     up = np.array([-np.sin(angle), np.cos(angle)])
     rise = -(BELOW + HEIGHT) if below else GAP
     at = line[0] + place * (line[1] - line[0]) + rise * mm * up
-    known = sigma is not None
-    text = length_with_sigma(metres, sigma, options.units, unit) if known else length_text(metres, options.units, unit)
+    if sigma is None:
+        text = length_text(metres, options.units, unit)
+    else:
+        text = length_with_sigma(metres, sigma, options.units, unit)
     return Text(DIMENSIONS, text, at, HEIGHT * mm, angle, "middle")
 
 

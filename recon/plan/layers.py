@@ -11,7 +11,7 @@ INK, GREY = (31, 35, 40), (110, 117, 126)
 
 @dataclass(frozen=True)
 class Layer:
-    """aia: name after the US National CAD Standard 6. iso: ISO 13567-2 (agent A, element of CI/SfB table 1, presentation).
+    """aia: name after the US National CAD Standard 6. iso: ISO 13567-2: agent, element of CI/SfB table 1, presentation.
 
     colour: AutoCAD colour number. rgb: on paper. pen: line width, mm. dashed: lines are. plotted: they come onto paper.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def _door(hole: Pierced) -> Iterator[Polyline | Fill]:
         yield Polyline(DOOR, line, source=hole.opening, thin=True)
     ends, across = _inside(hole, LEAF)
     stops = [0.0, 0.5, 1.0] if hole.width > TWO_LEAVES else [0.0, 1.0]
-    for a, b in zip(stops[:-1], stops[1:], strict=True):
+    for a, b in pairwise(stops):
         leaf = ends[0] + np.array([[a], [b]]) * (ends[1] - ends[0])
         ring = np.concatenate([leaf - across, leaf[::-1] + across])
         yield Fill(DOOR, (ring,), DOOR.rgb, DOOR.colour)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,7 +77,7 @@ def _face(wall: Wall, piece: Array) -> Iterator[Polyline]:
     low, high = (piece - wall.start) @ wall.direction
     unseen = np.array([np.sort((ends - wall.start) @ wall.direction) for ends in unseen_pieces(wall)]).reshape(-1, 2)
     cuts = np.unique(np.concatenate([[low, high], np.clip(unseen.ravel(), low, high)]))
-    for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+    for a, b in pairwise(cuts):
         if b - a > 1e-6:
             hidden = bool(np.any((unseen[:, 0] < (a + b) / 2) & ((a + b) / 2 < unseen[:, 1])))
             points = wall.start + np.array([[a], [b]]) * wall.direction

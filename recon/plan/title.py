@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def draw_sheet(sheet: Sheet, facts: Facts, options: DrawingOptions) -> Iterator[
         edges = [left, left + main, left + main + 0.42 * (right - left - main - FACTS), right - FACTS, right]
         for x in edges[1:-1]:
             yield Polyline(SOFT, np.array([[x, low], [x, top]]))
-        cells = [(a, low, b, top) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        cells = [(a, low, b, top) for a, b in pairwise(edges)]
     else:
         middle, a, b = low + sheet.strip - 26.0, right - FACTS, left + 0.5 * (right - left)
         yield Polyline(SOFT, np.array([[left, middle], [right, middle]]))
@@ -122,7 +123,7 @@ def _swatch(kind: str, x: float, y: float) -> Iterator[Element]:
     else:
         half, like = (0.45, DOOR) if kind == "door" else (0.3, GLAZING)
         pane = np.array([[x, y + 1.1 - half], [x + SWATCH, y + 1.1 - half]])
-        pane = np.concatenate([pane, pane[::-1] + [0.0, 2 * half]])
+        pane = np.concatenate([pane, pane[::-1] + np.array([0.0, 2 * half])])
         yield from (Polyline(SOFT, line) for line in (low, high))
         if kind == "door":
             yield Fill(TITLE, (pane,), DOOR.rgb, DOOR.colour)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from recon.doorways import doorways
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
 from recon.geometry import Array
@@ -71,9 +72,10 @@ def _of_layout(layout: Layout) -> Occupancy:
         cv2.fillPoly(cells, [np.floor((room.polygon - low) / resolution).astype(np.int32)], FREE)
     for wall in layout.walls:
         _draw(grid, wall.start, wall.end)
-    for opening in layout.openings:
-        if opening.is_hole:
-            _draw(grid, opening.start, opening.end, FREE)
+    for way in doorways(layout):
+        if way.type == "passage" or way.open:
+            ends = np.concatenate([np.stack([o.start, o.end]) for o in way.openings])
+            cv2.fillConvexPoly(cells, cv2.convexHull(np.floor((ends - low) / resolution).astype(np.int32)), FREE)
     for thing in layout.objects:
         for outline in thing.legs or (thing.footprint,):
             cv2.fillPoly(cells, [np.floor((outline - low) / resolution).astype(np.int32)], OCCUPIED)

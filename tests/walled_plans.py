@@ -39,9 +39,8 @@ def row_of_rooms(widths: list[float], depth: float, thickness: float, pose: Arra
         if i > 0:  # the door to the room on the left, as both rooms show it
             x = left - thickness
             openings.append(Opening(len(openings), "door", 4 * i - 3, _p(x, middle - 0.4), _p(x, middle + 0.4), 0, 2.0))
-            openings.append(
-                Opening(len(openings), "door", 4 * i + 3, _p(left, middle + 0.42), _p(left, middle - 0.42), 0, 2.1, sigma_top=0.02)
-            )  # fmt: skip
+            ends = _p(left, middle + 0.42), _p(left, middle - 0.42)
+            openings.append(Opening(len(openings), "door", 4 * i + 3, *ends, 0, 2.1, sigma_top=0.02))
         left += width + thickness
     layout = Layout(tuple(walls), tuple(rooms), tuple(openings), ceiling_height=2.5, sigma_ceiling=0.01)
     return layout if pose is None else placed(layout, pose)

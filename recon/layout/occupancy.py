@@ -17,12 +17,13 @@ RESOLUTION = 0.025
 """m: finer than robots' maps, which are made from it at any resolution and direction."""
 MAX_CELLS = 16_000_000
 """The grid gets coarser where a building would need more cells than this."""
-MIN_HITS = 2
-"""Returns in a cell before it is an obstacle: one alone may be an outlier."""
 
 
 def build_occupancy(trajectory: Trajectory, scans: Scans) -> Occupancy:
-    """Cells in which rays ended are occupied, cells that rays passed on their way to the first such cell are free."""
+    """Cells in which rays ended are occupied, cells that rays passed on their way to the first such cell are free.
+
+    One return is enough where few rays pass, such as at the far end of a hall: robots had better stop too early.
+    """
     from recon.layout.rays import count_rays  # numba takes a while to import
 
     starts, ends = scan_rays(trajectory, scans)
@@ -33,7 +34,7 @@ def build_occupancy(trajectory: Trajectory, scans: Scans) -> Occupancy:
     columns, rows = np.ceil((high - low) / resolution).astype(int)
     a, b = (starts - low) / resolution, (ends - low) / resolution
     hits, passes = count_rays(a, b, np.zeros((rows, columns), np.bool_))
-    occupied = (hits >= MIN_HITS) & (hits >= BLOCKED_SHARE * passes)
+    occupied = (hits > 0) & (hits >= BLOCKED_SHARE * passes)
     _, passes = count_rays(a, b, occupied)
     cells = np.where(occupied, OCCUPIED, np.where(passes > 0, FREE, UNKNOWN)).astype(np.uint8)
     _clear(cells, (path - low) / resolution, PLATFORM_RADIUS / resolution)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 import shapely
 from box_room import FISHEYE, RATIONAL, SIZE, WIDE, Shoot, box_layout, camera_at, face_colours, round_tour, shoot, solid
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -21,8 +22,9 @@ from recon.raycast import RayScene
 from recon.sampling import uv_from_points
 from recon.sequence.camera import Camera
 from recon.texture import refine_poses, texture_faces
+from recon.texture.blur import blur_cost
 from recon.texture.fill import fill_smoothly
-from recon.texture.gains import solve_log_gains
+from recon.texture.gains import Exposure, solve_log_gains
 from recon.texture.labelling import choose_views
 
 COARSE = TextureConfig(metres_per_texel=0.01)
@@ -128,8 +130,39 @@ def test_exposure_is_evened_out() -> None:
     assert psnr(textured(replace(plain, images=taken.images)), plain, scale=True) > 29
 
 
-@given(st.integers(0, 2**31), st.floats(0, 0.15))
-def test_gains_are_recovered(seed: int, outliers: float) -> None:
+def shaded(taken: Shoot, fall: float) -> Shoot:
+    """The same images through a lens whose corners are `fall` times as bright as its middle."""
+    h, w = taken.images[0].shape[:2]
+    x, y = np.meshgrid(np.arange(w) - (w - 1) / 2, np.arange(h) - (h - 1) / 2)
+    light = np.exp(np.log(fall) * (x**2 + y**2) / (((w - 1) / 2) ** 2 + ((h - 1) / 2) ** 2))[..., None]
+    return replace(taken, images=tuple(np.rint(image * light).astype(np.uint8) for image in taken.images))
+
+
+def test_the_lens_shades_its_corners() -> None:
+    """A lens that loses half of the light in its corners gives pictures as even as one that loses none."""
+    even = psnr(wide_tour_textured(), wide_tour(), scale=True)
+    assert psnr(textured(shaded(wide_tour(), 0.5)), wide_tour(), scale=True) > min(even, 32) - 3
+
+
+def test_blurred_images_are_used_last() -> None:
+    taken = shoot(WIDE, round_tour(24))
+    kernel = np.zeros((9, 9), np.float32)
+    kernel[4] = 1 / 9
+    images = [cv2.filter2D(image, -1, kernel) if i % 3 == 0 else image for i, image in enumerate(taken.images)]
+    for image, blurred in zip(taken.images, images, strict=True):
+        assert blur_cost(np.asarray(blurred, np.uint8)) >= blur_cost(image)
+
+    def share(faces: tuple[Face, ...]) -> float:
+        owners = np.concatenate([f.sources[f.sources >= 0] for f in faces if f.sources is not None])
+        return float((owners % 3 == 0).mean())
+
+    mixed = replace(taken, images=tuple(np.asarray(image, np.uint8) for image in images))
+    assert share(textured(mixed)) < 0.25 * share(textured(taken))
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**31), st.floats(0, 0.15), st.floats(0.5, 1.0))
+def test_gains_are_recovered(seed: int, outliers: float, fall: float) -> None:
     rng = np.random.default_rng(seed)
     views, count = 15, 400
     truth = rng.normal(0, 0.15, (views, 1)) + rng.normal(0, 0.01, (views, 3))
@@ -138,7 +171,12 @@ def test_gains_are_recovered(seed: int, outliers: float) -> None:
     owner = (first[:, None] + np.arange(5)).ravel()
     logs = rng.uniform(3, 5, (count, 3))[points] - truth[owner] + rng.normal(0, 0.02, (5 * count, 3))
     logs[rng.random(len(logs)) < outliers] += rng.normal(0, 0.7, 3)
-    found = solve_log_gains(points, owner, logs, views + 1)
+    radii = rng.uniform(0, 1, len(points))
+    logs += np.log(fall) * radii[:, None] ** 2
+    found, shading = solve_log_gains(points, owner, logs, radii, views + 1)
+    for r in (0.4, 0.7, 1.0):
+        light = Exposure(np.exp(found), shading).light(np.array(r))
+        assert light == pytest.approx(np.log(fall) * r**2, abs=0.04), "the lens's shading"
     error = found[:views] - truth
     assert np.abs(np.diff(error, axis=0)).max() < 0.05, "neighbours agree"
     assert np.abs(error - error.mean(axis=0)).max() < 0.08, "slow changes are held back a little"

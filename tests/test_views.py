@@ -16,12 +16,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from recon.config import Config
 from recon.evaluate.explained import explained, partner
 from recon.evaluate.fidelity import fidelity, fit_exposure, ssim
 from recon.evaluate.views import view_scores
 from recon.faces import extrude
 from recon.geometry import Pose3
+from recon.pipeline import build
 from recon.raycast import RayScene
+from recon.results import save_result
+from recon.sequence.open import open_sequence
 
 Picture = NDArray[np.float32]
 
@@ -100,10 +104,10 @@ def test_partners_stand_apart_and_look_the_same_way() -> None:
     assert partner(0, poses, [1, 2, 3, 6, 7], WIDE) is None
 
 
-def test_corridor_views(shared_data: Callable[[str], Path], run_recon: Callable[..., object], tmp_path: Path) -> None:
-    """The command on a real build: the published numbers hold, pictures and numbers are written."""
+def test_corridor_views(shared_data: Callable[[str], Path], tmp_path: Path) -> None:
+    """A whole build: the published numbers hold, pictures and numbers are written."""
     drive = shared_data("corridor")
-    run_recon("build", drive, "-o", tmp_path / "m.json", "--quiet")
+    save_result(build(open_sequence(drive), Config(workers=1)), tmp_path / "m.recon")
     scores = view_scores(drive, tmp_path / "m.recon", tmp_path / "views")
     assert 27 < scores.mean("psnr") < 40
     assert 0.84 < scores.mean("ssim") < 0.97

@@ -20,21 +20,29 @@ resolved direction."""
 
 
 class Candidates:
-    """Of n blocks (row by row): costs (n, KEPT), octaves of sharpness lost, inf where fewer; views; colours, uint8."""
+    """Of n blocks (row by row): costs (n, KEPT), octaves of sharpness lost, inf where fewer; views; colours, uint8.
+
+    radius: (n, KEPT) uint8, distance from the middle of the image, 255 at its corners.
+    """
 
     def __init__(self, blocks: int) -> None:
         self.cost = np.full((blocks, KEPT), np.inf, np.float32)
         self.view = np.full((blocks, KEPT), -1, np.int32)
         self.colour = np.zeros((blocks, KEPT, 3), np.uint8)
+        self.radius = np.zeros((blocks, KEPT), np.uint8)
 
-    def offer(self, index: NDArray[np.int64], view: int, cost: Array, colour: NDArray[np.uint8]) -> None:
-        """View `view` sees blocks `index` (n,) at this cost (n,), in these colours (n, 3): kept if among the best."""
+    def offer(self, index: NDArray[np.int64], view: int, cost: Array, colour: NDArray[np.uint8], radius: Array) -> None:
+        """View `view` sees blocks `index` (n,) at this cost (n,), in these colours (n, 3): kept if among the best.
+
+        radius: (n,), distance from the middle of the image, 1 at its corners.
+        """
         slot = self.cost[index].argmax(axis=1)
         better = cost < self.cost[index, slot]
         place = index[better], slot[better]
         self.cost[place] = cost[better]
         self.view[place] = view
         self.colour[place] = colour[better]
+        self.radius[place] = np.clip(np.rint(255 * radius[better]), 0, 255)
 
     def by_view(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """For every view, its blocks and the slots it has there."""

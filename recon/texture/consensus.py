@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
 from recon.texture.candidates import KEPT, Candidates
+from recon.texture.gains import Exposure
 
 MIN_VIEWS = 3
 """Fewer views cannot outvote one that is wrong."""
@@ -42,10 +42,11 @@ class Consensus:
     trust: NDArray[np.float32]
 
 
-def agree(candidates: Candidates, gains: Array) -> Consensus:
+def agree(candidates: Candidates, exposure: Exposure) -> Consensus:
     """The median colour of each block's views, channel by channel, exposure compensated."""
     known = candidates.view >= 0
-    colours = candidates.colour * gains.astype(np.float32)[np.maximum(candidates.view, 0)]
+    gains = exposure.gains.astype(np.float32)[np.maximum(candidates.view, 0)]
+    colours = candidates.colour * gains * _lit(exposure, candidates.radius)
     colours[~known] = np.inf
     count = known.sum(axis=1)
     ranked = np.sort(colours, axis=1)
@@ -61,6 +62,12 @@ def agree(candidates: Candidates, gains: Array) -> Consensus:
     share = (known & (deviation < AGREE)).sum(axis=1) / np.maximum(count, 1)
     trust = np.clip((share - MAJORITY) / (UNANIMITY - MAJORITY), 0, 1) * (count >= MIN_VIEWS)
     return Consensus(median, count, np.minimum(deviation, 255), trust.astype(np.float32))
+
+
+def _lit(exposure: Exposure, radius: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Factor (..., 1) on colours at `radius` (...), 255 in the corners, that makes up for the lens's shading."""
+    table = np.exp(-exposure.light(np.arange(256) / 255)).astype(np.float32)
+    return np.asarray(table[radius][..., None])
 
 
 def clutter_cost(candidates: Candidates, consensus: Consensus, shape: tuple[int, int]) -> NDArray[np.float32]:
@@ -126,11 +133,12 @@ class Correction:
 
 
 def correct(
-    candidates: Candidates, consensus: Consensus, gain: Array, seen: Slots, shape: tuple[int, int]
+    candidates: Candidates, consensus: Consensus, exposure: Exposure, view: int, seen: Slots, shape: tuple[int, int]
 ) -> Correction:
-    """The smooth difference between the consensus and one view (its gain (3,), and its blocks and slots `seen`)."""
+    """The smooth difference between the consensus and one view (its blocks and slots are `seen`)."""
     block, slot = seen
-    own = np.log(candidates.colour[block, slot] * gain.astype(np.float32) + 4.0)
+    factor = exposure.gains[view].astype(np.float32) * _lit(exposure, candidates.radius[block, slot])
+    own = np.log(candidates.colour[block, slot] * factor + 4.0)
     log = np.log(consensus.colour[block] + 4.0) - own
     brightness = log.mean(axis=1, keepdims=True)
     log = np.clip(brightness, -CORRECTION, CORRECTION) + np.clip(log - brightness, -TINT, TINT)

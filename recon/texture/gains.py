@@ -1,4 +1,4 @@
-"""Exposure of every image, from the points that several images see, over the whole sequence at once."""
+"""Exposure of every image and shading of the lens, over the whole sequence at once, from what several images see."""
 
 from __future__ import annotations
 
@@ -15,8 +15,27 @@ slow changes stay, as cameras and eyes adapt to dark and bright rooms and one ex
 NOISE = 0.15
 """Standard deviation of one sample's logarithm: mixed pixels, shine, misalignment; samples are not independent."""
 ITERATIONS = 12
+FLAT = 0.002
+"""Pull of the lens's shading to none, as a share of all samples."""
 DARKEST, BRIGHTEST = 10, 248
 """Samples with a channel outside are clipped or noise."""
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """gains: (views, 3), factor on each image's channels that makes all images agree, 1 where nothing is known.
+
+    shading: (2,), a and b of the lens's vignetting: exp(a r^2 + b r^4) times the light arrives at r, the distance from
+    the middle of the image as a share of that of its corners.
+    """
+
+    gains: Array
+    shading: Array
+
+    def light(self, radius: Array) -> Array:
+        """Logarithm of the share of light at r, `radius` (...)."""
+        square = np.asarray(radius) ** 2
+        return np.asarray(self.shading[0] * square + self.shading[1] * square**2)
 
 
 class ExposureSamples:
@@ -26,43 +45,52 @@ class ExposureSamples:
         self._points: list[NDArray[np.int64]] = []
         self._views: list[NDArray[np.int64]] = []
         self._logs: list[NDArray[np.float32]] = []
+        self._radii: list[NDArray[np.float32]] = []
 
-    def add(self, points: NDArray[np.int64], view: int, colours: NDArray[np.uint8]) -> None:
-        """Points by number (n,), as image `view` sees them: colours (n, 3), clipped and dark ones are left out."""
+    def add(self, points: NDArray[np.int64], view: int, colours: NDArray[np.uint8], radius: Array) -> None:
+        """Points by number (n,), as image `view` sees them: colours (n, 3), clipped and dark ones are left out, at
+        distances `radius` (n,) from the middle of the image (1: its corners)."""
         use = (colours.min(axis=1) >= DARKEST) & (colours.max(axis=1) <= BRIGHTEST)
         self._points.append(points[use])
         self._views.append(np.full(int(use.sum()), view, np.int64))
         self._logs.append(np.log(colours[use].astype(np.float32)))
+        self._radii.append(radius[use].astype(np.float32))
 
-    def gains(self, views: int) -> Array:
-        """(views, 3): factor on each image's channels that makes all images agree; 1 where nothing is known."""
-        if not self._points:
-            return np.ones((views, 3))
+    def solve(self, views: int) -> Exposure:
+        """Of `views` images."""
+        if not sum(map(len, self._points)):
+            return Exposure(np.ones((views, 3)), np.zeros(2))
         points, owners = np.concatenate(self._points), np.concatenate(self._views)
-        if len(points) == 0:
-            return np.ones((views, 3))
-        return np.exp(solve_log_gains(points, owners, np.concatenate(self._logs).astype(np.float64), views))
+        logs, radii = (np.concatenate(parts).astype(np.float64) for parts in (self._logs, self._radii))
+        gains, shading = solve_log_gains(points, owners, logs, radii, views)
+        return Exposure(np.exp(gains), shading)
 
 
-def solve_log_gains(points: NDArray[np.int64], views: NDArray[np.int64], logs: Array, count: int) -> Array:
-    """Minimises sum rho(|logs + g[view] - c[point]| / NOISE) + pull of g to 0 over gains g and colours c.
+def solve_log_gains(
+    points: NDArray[np.int64], views: NDArray[np.int64], logs: Array, radii: Array, count: int
+) -> tuple[Array, Array]:
+    """Minimises sum rho(|logs - V(radii) + g[view] - c[point]| / NOISE) + pull of g and V to 0 over g, c and V.
 
-    points, views: (S,); logs: (S, 3). Returns g (count, 3). rho is Geman-McClure's (iteratively reweighted): shine and
-    clutter in front of a point have no say. The colours are eliminated (Schur complement), so the system has `count`
-    unknowns. The mean of the channels (brightness) and what is left (hue) are solved for apart.
+    points, views, radii: (S,); logs: (S, 3). Returns g (count, 3) and (a, b) of V = a r^2 + b r^4. rho is
+    Geman-McClure's (iteratively reweighted): shine and clutter in front of a point have no say. The colours c are
+    eliminated (Schur complement), so the system has `count` unknowns. The mean of the channels (brightness) and what is
+    left (hue) are solved for apart, and V in turn with them.
     """
     _, index = np.unique(points, return_inverse=True)
     n = int(index.max()) + 1
-    brightness = np.tile(logs.mean(axis=1, keepdims=True), 3)
+    powers = np.stack([radii**2, radii**4], axis=1)
     weights = np.ones(len(points))
-    gains = np.zeros((count, 3))
+    gains, shading = np.zeros((count, 3)), np.zeros(2)
     for _ in range(ITERATIONS):
         samples = _Samples(index, views, weights, n, count)
-        gains = samples.solve(brightness, SHRINK) + samples.solve(logs - brightness, SHRINK_HUE)
-        moved = logs + gains[views]
+        even = logs - (powers @ shading)[:, None]
+        brightness = np.tile(even.mean(axis=1, keepdims=True), 3)
+        gains = samples.solve(brightness, SHRINK) + samples.solve(even - brightness, SHRINK_HUE)
+        shading = samples.shading((logs + gains[views]).mean(axis=1), powers)
+        moved = logs + gains[views] - (powers @ shading)[:, None]
         residual = np.abs(moved - samples.means(moved)[index]).max(axis=1)
         weights = 1 / (1 + (residual / NOISE) ** 2) ** 2
-    return gains
+    return gains, shading
 
 
 @dataclass(frozen=True)
@@ -80,6 +108,13 @@ class _Samples:
         total = np.maximum(np.bincount(self.index, self.weights, self.points), 1e-12)
         sums = [np.bincount(self.index, self.weights * column, self.points) for column in values.T]
         return np.stack(sums, axis=1) / total[:, None]
+
+    def shading(self, values: Array, powers: Array) -> Array:
+        """(2,) factors on `powers` (S, 2) that best explain why values (S,) of one point differ."""
+        away = powers - self.means(powers)[self.index]
+        left = values - self.means(values[:, None])[self.index, 0]
+        normal = (away * self.weights[:, None]).T @ away + FLAT * self.weights.sum() * np.eye(2)
+        return np.asarray(np.linalg.solve(normal, (away * self.weights[:, None]).T @ left))
 
     def solve(self, values: Array, shrink: float) -> Array:
         """What to add (count, 3) to all values of a view so that views agree at every point."""

@@ -13,6 +13,7 @@ from recon.geometry import Array, Pose3
 from recon.texture.canvas import BLOCK, Canvas, enlarge
 from recon.texture.consensus import Correction
 from recon.texture.fill import fill_smoothly
+from recon.texture.gains import Exposure
 from recon.texture.labelling import Views
 from recon.texture.view import Image, Lens, at_level, level_of, pyramid
 
@@ -27,10 +28,11 @@ Grid = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Shot:
-    """An image as a source of colours. gain: (3,) on its channels; level: index into the pyramid to read from."""
+    """An image, number `view`, as a source of colours. level: index into the pyramid to read from."""
 
     map_from_camera: Pose3
-    gain: Array
+    exposure: Exposure
+    view: int
     correction: Correction
     level: int
 
@@ -110,13 +112,16 @@ def _project(canvas: Canvas, rows: Range, columns: Range, shot: Shot, lens: Lens
     """Colours (h, w, 3), exposure compensated, and validity (h, w) of the texels of some blocks in one image."""
     nodes = canvas.nodes(rows, columns)
     local = shot.map_from_camera.inverse().apply(nodes.reshape(-1, 3))
-    pixels = enlarge(lens.project(local).reshape(*nodes.shape[:2], 2).astype(np.float32))
+    at_nodes = lens.project(local).reshape(*nodes.shape[:2], 2)
+    light = shot.exposure.light(np.minimum(lens.radius_of(at_nodes), 1.0))
+    pixels = enlarge(at_nodes.astype(np.float32))
     x, y = pixels[..., 0], pixels[..., 1]
     inside = (x >= 0) & (y >= 0) & (x <= image.shape[1] - 1) & (y <= image.shape[0] - 1)
     source = pyramid(image, shot.level + 1)[-1]
     at = at_level(pixels, image, source)
     colour = cv2.remap(source, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    factor = enlarge(np.exp(shot.correction.at(rows, columns) + np.log(shot.gain).astype(np.float32)))
+    gain = np.log(shot.exposure.gains[shot.view]) - np.nan_to_num(light)[..., None]
+    factor = enlarge(np.exp(shot.correction.at(rows, columns) + gain.astype(np.float32)))
     return np.asarray(colour * factor), inside.astype(np.float32)
 
 

@@ -14,6 +14,7 @@ from recon.geometry import Array, Pose3
 from recon.model import Face
 from recon.progress import Stage
 from recon.raycast import RayScene
+from recon.texture.blur import blur_cost
 from recon.texture.candidates import Candidates, view_cost
 from recon.texture.canvas import BLOCK, Canvas, Plane
 from recon.texture.gains import ExposureSamples
@@ -111,17 +112,18 @@ def survey(
     for canvas in canvases:
         _ = canvas.block_points  # computed here once, not by several threads at the same time
 
-    def observe(i: int) -> list[tuple[int, Sight, NDArray[np.uint8]]]:
+    def observe(i: int) -> tuple[float, list[tuple[int, Sight, NDArray[np.uint8]]]]:
         image, pose = load(i), rig.poses[i]
-        return [] if image is None or pose is None else _observe(rig, canvases, pose, image)
+        return (0.0, []) if image is None or pose is None else (blur_cost(image), _observe(rig, canvases, pose, image))
 
-    for i, seen in zip(images, ordered_map(observe, images, workers), strict=True):
+    for i, (blur, seen) in zip(images, ordered_map(observe, images, workers), strict=True):
         for k, sight, colour in seen:
-            cost = view_cost(sight, canvases[k], rig.lens.camera)
-            candidates[k].offer(sight.index, i, cost, colour)
+            cost = view_cost(sight, canvases[k], rig.lens.camera) + blur
+            radius = rig.lens.radius_of(sight.pixels)
+            candidates[k].offer(sight.index, i, cost, colour, radius)
             row, column = np.divmod(sight.index, canvases[k].blocks[1])
             use = (row % EXPOSURE_STRIDE == 0) & (column % EXPOSURE_STRIDE == 0)
-            samples.add(starts[k] + sight.index[use], i, colour[use])
+            samples.add(starts[k] + sight.index[use], i, colour[use], radius[use])
         stage.advance()
     return candidates, samples
 

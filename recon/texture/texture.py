@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from recon.config import TextureConfig
-from recon.geometry import Array, Pose3
+from recon.geometry import Pose3
 from recon.model import Face
 from recon.progress import SILENT, Progress
 from recon.raycast import RayScene
@@ -18,6 +18,7 @@ from recon.texture.cache import ImageCache
 from recon.texture.candidates import Candidates
 from recon.texture.canvas import Canvas
 from recon.texture.consensus import agree, clutter_cost, correct
+from recon.texture.gains import Exposure
 from recon.texture.labelling import choose_views
 from recon.texture.ordered import ordered_map
 from recon.texture.render import Shot, best_level, render
@@ -59,20 +60,22 @@ def texture_faces(
     ]
     with progress.stage("views of faces", total=len(images), unit="images") as stage:
         candidates, samples = survey(rig, canvases, images, load, workers, stage)
-    gains = samples.gains(len(map_from_camera))
+    exposure = samples.solve(len(map_from_camera))
     cached = ImageCache(load, CACHE_BYTES)
     textured: dict[str, Face] = {}
     work = list(zip(canvases, candidates, strict=True))
     with progress.stage("textures", total=len(work), unit="faces") as stage:
-        for face in ordered_map(lambda w: _paint(*w, gains, rig, cached), work, workers):
+        for face in ordered_map(lambda w: _paint(*w, exposure, rig, cached), work, workers):
             textured[face.name] = face
             stage.advance()
     return tuple(textured.get(face.name, face) for face in faces)
 
 
-def _paint(canvas: Canvas, candidates: Candidates, gains: Array, rig: Rig, load: Callable[[int], Image | None]) -> Face:
+def _paint(
+    canvas: Canvas, candidates: Candidates, exposure: Exposure, rig: Rig, load: Callable[[int], Image | None]
+) -> Face:
     shape = canvas.blocks
-    consensus = agree(candidates, gains)
+    consensus = agree(candidates, exposure)
     cost = candidates.cost + clutter_cost(candidates, consensus, shape)
     choice = choose_views(cost, candidates.view, consensus.deviation, shape)
     if np.count_nonzero(choice >= 0) < LEAST_SEEN * np.count_nonzero(canvas.block_points[1]):
@@ -83,10 +86,10 @@ def _paint(canvas: Canvas, candidates: Candidates, gains: Array, rig: Rig, load:
         used = np.flatnonzero(choice.ravel() == view)
         pose = rig.poses[view]
         if len(used) and pose is not None:
-            correction = correct(candidates, consensus, gains[view], seen, shape)
+            correction = correct(candidates, consensus, exposure, view, seen, shape)
             depth = pose.inverse().apply(points[used])[:, 2]
             focal = float(np.sqrt(rig.lens.camera.matrix[0, 0] * rig.lens.camera.matrix[1, 1]))
-            shots[view] = Shot(pose, gains[view], correction, best_level(focal * canvas.texel / depth))
+            shots[view] = Shot(pose, exposure, view, correction, best_level(focal * canvas.texel / depth))
     picture, sources = render(canvas, choice, shots, rig.lens, load)
     inside = canvas.inside()
     share = float((inside & (sources >= 0)).sum() / max(int(inside.sum()), 1))

@@ -45,6 +45,11 @@ class Lens:
         radius = float(np.linalg.norm(border, axis=1).max())
         return Lens(camera, 1.02 * radius, low - 0.02 * (high - low), high + 0.02 * (high - low))
 
+    def radius_of(self, pixels: Array) -> Array:
+        """Distance (...) of pixels (..., 2) from the middle of the image, 1 at its corners."""
+        middle = np.array([self.camera.width - 1, self.camera.height - 1]) / 2
+        return np.asarray(np.linalg.norm(pixels - middle, axis=-1) / np.linalg.norm(middle))
+
     def may_see(self, map_from_camera: Pose3, corners: Array) -> bool:
         """Whether the convex hull of points (N, 3), map frame, may reach into the image's cone: no is sure."""
         x, y, z = map_from_camera.inverse().apply(corners).T
@@ -76,7 +81,7 @@ class Sight:
 
 
 def look(lens: Lens, map_from_camera: Pose3, points: Array, axes: Array, spacing: float) -> Sight:
-    """Which of points (N, 3) of a plane, map frame, lie in the image; how well patches of `spacing` m are resolved there.
+    """Which of points (N, 3) of a plane, map frame, lie in the image; how well it resolves patches of `spacing` m.
 
     axes: (2, 3) unit vectors along the face. Occlusion is not looked at.
     """

@@ -9,6 +9,9 @@ from recon.model import Model
 from recon.sequence.trajectory import Trajectory
 from recon.sequence.tum import planar_lines
 
+SIGMA_DECIMALS = 6, 6, 7
+"""Of x, y and yaw, as the result folder keeps them."""
+
 
 def write_tum_file(model: Model, stem: str) -> Output:
     """`timestamp x y z qx qy qz qw`, one pose a line: the platform in the map frame, z = 0 on the floor."""
@@ -24,6 +27,6 @@ def write_csv(model: Model, stem: str) -> Output:
         sigmas = model.pose_sigmas if len(model.pose_sigmas) else np.full((len(model.trajectory), 3), np.nan)
         for stamp, pose, sigma in zip(model.trajectory.timestamps, model.trajectory.poses, sigmas, strict=True):
             x, y, yaw = (round(float(v), 9) + 0.0 for v in pose)
-            known = [f"{v:.7f}" if np.isfinite(v) else "" for v in sigma]
+            known = [f"{v:.{n}f}" if np.isfinite(v) else "" for v, n in zip(sigma, SIGMA_DECIMALS, strict=True)]
             rows.append(f"{stamp:.6f},{x:.6f},{y:.6f},{yaw:.9f},{','.join(known)}")
     return Output(("\r\n".join(rows) + "\r\n").encode())

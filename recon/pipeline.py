@@ -57,6 +57,7 @@ from recon.sequence.images import iterate_images, load_image
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
 from recon.sequence.tum import as_written
+from recon.texture.notes import texture_notes
 from recon.texture.refine import refine_poses
 from recon.texture.texture import texture_faces
 from recon.vision.frame import FrameLines
@@ -393,6 +394,7 @@ def _model(sequence: Sequence, layout: Layout, poses: tuple[Pose3 | None, ...], 
         notes.append(f"No image shows the ceiling; walls are {layout.default_ceiling_height:.2f} m high by default.")
     if any(wall.source == "inferred" for wall in layout.walls):
         notes.append("Walls of source 'inferred' close the outline where no sensor saw a wall.")
+    notes += texture_notes(faces, config.texture)
     run.counts |= {"walls": len(layout.walls), "rooms": len(layout.rooms), "openings": len(layout.openings)}
     return Model(sequence.name, layout, faces, tuple(notes))
 

@@ -26,6 +26,7 @@ from recon.texture.blur import blur_cost
 from recon.texture.fill import fill_smoothly
 from recon.texture.gains import Exposure, solve_log_gains
 from recon.texture.labelling import choose_views
+from recon.texture.notes import texture_notes
 
 COARSE = TextureConfig(metres_per_texel=0.01)
 
@@ -359,3 +360,23 @@ def test_seams_run_where_views_agree() -> None:
     blocks = (rows * columns, 8)
     choice = choose_views(cost.reshape(blocks), view.reshape(blocks), deviation.reshape(blocks), (rows, columns))
     assert np.array_equal(choice, np.where(np.arange(columns) <= agree, 4, 9) * np.ones((rows, 1), int))
+
+
+def test_notes_say_what_pictures_lack() -> None:
+    """No image at all, one that sees a wall at a grazing angle, pictures above the limit: a valid result and a line."""
+    taken = wide_tour()
+    faces = extrude(box_layout())
+    bare = texture_notes(faces, COARSE)
+    assert len(bare) == 1 and "plain colours" in bare[0]
+    assert texture_notes(wide_tour_textured(), COARSE) == tuple(
+        note for note in texture_notes(wide_tour_textured(), COARSE) if "less than 50%" in note
+    ), "nothing else is wrong with a whole tour"
+    grazing = shoot(WIDE, (camera_at(0.4, 0.12, 0.0),))
+    found = texture_faces(faces, grazing.camera, grazing.poses, grazing.load, COARSE)
+    notes = " ".join(texture_notes(found, COARSE))
+    assert "One image only shows" in notes and "grazing angle" in notes and "No image shows" in notes
+    few = TextureConfig(metres_per_texel=0.01, max_texture_size=100)
+    small = texture_faces(faces, taken.camera, taken.poses, taken.load, few)
+    assert all(f.texture is not None and max(f.texture.shape[:2]) <= 100 for f in small)
+    assert any("at most 100 pixels" in note for note in texture_notes(small, few))
+    assert texture_notes((), COARSE) == ()

@@ -24,6 +24,10 @@ FIELD_OF_VIEW = 45.0
 """Degrees, of the 3D view, up and down."""
 VIEW = np.array([0.45, 1.0, 0.85])
 """From the middle of the building to the eye: right, up and towards the viewer (Y up)."""
+NEARER = 0.9
+"""Of the distance at which a ball around the building just fits; buildings are flat."""
+GLOW = 0.6
+"""Share of a face's colour that needs no light."""
 
 
 def house(model: Model) -> str:
@@ -52,9 +56,20 @@ def _scene(model: Model) -> trimesh.Scene:
     open_top = replace(model, faces=tuple(face for face in model.faces if face.kind != "ceiling"))
     content = write_glb(open_top, "house", ExportOptions(texture_size=_texture_size(len(open_top.faces)))).content
     scene = trimesh.load_scene(io.BytesIO(content), file_type="glb")
+    _lighten(scene)
     scene.camera = trimesh.scene.Camera(resolution=(1600, 1000), fov=(1.6 * FIELD_OF_VIEW, FIELD_OF_VIEW))
     scene.camera_transform = _eye(np.asarray(scene.bounds))
     return scene
+
+
+def _lighten(scene: trimesh.Scene) -> None:
+    """Faces glow a little in their own colours: the viewer has one lamp, and walls along its light would be black."""
+    for mesh in scene.geometry.values():
+        material = mesh.visual.material
+        if material.baseColorTexture is not None:
+            material.emissiveTexture, material.emissiveFactor = material.baseColorTexture, [GLOW] * 3
+        elif material.baseColorFactor is not None:
+            material.emissiveFactor = GLOW * np.asarray(material.baseColorFactor[:3], dtype=np.float64) / 255
 
 
 def _texture_size(faces: int) -> int:
@@ -71,5 +86,5 @@ def _eye(bounds: Array) -> Array:
     right /= np.linalg.norm(right)
     pose = np.eye(4)
     pose[:3, 0], pose[:3, 1], pose[:3, 2] = right, np.cross(back, right), back
-    pose[:3, 3] = middle + back * max(radius, 0.5) / np.tan(np.radians(FIELD_OF_VIEW / 2)) * 0.8
+    pose[:3, 3] = middle + back * max(radius, 0.5) / np.tan(np.radians(FIELD_OF_VIEW / 2)) * NEARER
     return pose

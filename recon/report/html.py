@@ -21,7 +21,7 @@ h1 { font-size: 1.6rem; margin: 0.5rem 0; } h2 { font-size: 1.15rem; margin: 2re
 a { color: var(--link); }
 img, svg { max-width: 100%; height: auto; } .plan, .house { background: #fff; border-radius: 6px; }
 .plan { display: block; } .plan svg { display: block; }
-iframe { display: block; width: 100%; height: min(70vh, 42rem); border: 0; border-radius: 6px; background: #fff; }
+iframe { display: block; width: 100%; aspect-ratio: 8 / 5; border: 0; border-radius: 6px; background: #fff; }
 summary { cursor: pointer; padding: 0.4rem 0; color: var(--link); }
 .facts { display: flex; flex-wrap: wrap; gap: 0.5rem 2rem; margin: 1rem 0; padding: 0; list-style: none; }
 .facts b { display: block; font-size: 1.3rem; } .facts span, figcaption { color: var(--soft); font-size: 0.9rem; }

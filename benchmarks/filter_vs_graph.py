@@ -24,6 +24,7 @@ from recon.evaluate.trajectory import trajectory_errors
 from recon.evaluate.walls import wall_scores
 from recon.geometry import between2, wrap_angle
 from recon.graph.estimate import MapEstimate
+from recon.lidar.clock import odometry_clock
 from recon.pipeline import Build, build
 from recon.progress import Stage
 from recon.sequence.folder import read_sequence
@@ -75,7 +76,10 @@ def _scores(built: Build, truth: GroundTruth) -> tuple[str, str, str, str]:
         e = trajectory_errors(built.estimate.trajectory, truth.trajectory)
         return f"{e.ate * 100:.2f} cm", f"{e.heading:.3f}", f"{nees(built.estimate, truth.trajectory):.2f}", walls
     assert truth.relations is not None
-    r = relation_errors(built.estimate.trajectory, truth.relations, built.sequence.odometry)
+    odometry = built.sequence.odometry
+    if odometry is not None:
+        odometry = odometry_clock(built.estimate.trajectory, odometry).on_scan_clock(odometry)
+    r = relation_errors(built.estimate.trajectory, truth.relations, odometry)
     position, heading = r.translation, r.rotation
     return (f"{position.mean:.4f} +- {position.deviation:.4f} m", f"{heading.mean:.3f} +- {heading.deviation:.3f}", "-",
             walls)  # fmt: skip

@@ -10,7 +10,7 @@ import argparse
 import dataclasses
 import multiprocessing
 import pickle
-import resource
+import re
 import tempfile
 import time
 from collections.abc import Iterator
@@ -94,10 +94,16 @@ def measure(path: Path, count: int, odometry: bool) -> Run:
     clocks, wall, cpu = _Clocks(), time.perf_counter(), time.process_time()
     built = build(sequence, Config(), clocks)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    memory = _peak()
     errors = trajectory_errors(built.estimate.trajectory, truth)
     closures, wrong = _closures(built, truth)
     return Run(count, clocks.stages, wall, cpu, memory, errors.ate, errors.heading, closures, wrong)
+
+
+def _peak() -> float:
+    """MiB that this process had at most; getrusage would count what its parent had when it was started."""
+    found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
+    return int(found[1]) / 1024 if found else float("nan")
 
 
 def _first(scans: Scans, count: int) -> Scans:

@@ -102,6 +102,24 @@ def test_lines_of_the_ceiling_itself_tell_no_height() -> None:
     assert measure_heights(room_layout(), frames_of(lamps, drive()), drive(), CAMERA).ceiling_height is None
 
 
+def test_without_a_ceiling_walls_are_as_high_as_they_are_seen() -> None:
+    """A camera 1.2 m up that sees 14 degrees above level is shown 3.0 m from 7 m away, without an edge; one that is
+    tilted more is not shown 2.6 m. What sees no edge up to 4 m sees none at all."""
+    boards = door(0, 3, 4, 2.2) + corner_uprights(3.4)
+    default = room_layout().default_ceiling_height
+    for tilt, low, high in ((0.2, 2.75, 3.3), (0.4, default, default), (0.05, default, default)):
+        poses = [camera_pose(0.8 + 0.25 * k, 1.2 + 0.02 * k, 0.0, tilt) for k in range(16)]
+        layout = measure_heights(room_layout(), frames_of(boards, poses), poses, CAMERA)
+        assert layout.ceiling_height is None and low <= layout.default_ceiling_height <= high
+
+
+def test_an_edge_too_short_for_a_ceiling_may_be_one() -> None:
+    """Half of one wall shows an edge at 2.9 m: nothing is claimed, and nothing is built above it."""
+    edges = [(np.array([[*CORNERS[1], 2.9], [*(CORNERS[1] + [0.0, 1.2]), 2.9]]), HORIZONTAL_1)]
+    layout = measure_heights(room_layout(), frames_of(edges, drive()), drive(), CAMERA)
+    assert layout.ceiling_height is None and layout.default_ceiling_height <= 2.95
+
+
 def opening(id_: int, wall: int, start: float, end: float) -> Opening:
     a, b = CORNERS[wall], CORNERS[(wall + 1) % 4]
     d = (b - a) / np.linalg.norm(b - a)
@@ -136,7 +154,8 @@ def test_rooms_have_ceilings_of_their_own() -> None:
     assert [room.ceiling_height for room in found.rooms] == [pytest.approx(3.0, abs=0.03), pytest.approx(2.5, abs=0.03)]
     assert all(room.sigma_ceiling is not None and 0.001 < room.sigma_ceiling < 0.06 for room in found.rooms)
     heights = {face.ref: np.ptp(face.vertices[:, 2]) for face in extrude(found) if face.kind == "wall"}
-    assert [heights[k] for k in range(8)] == [found.rooms[0].ceiling_height] * 4 + [found.rooms[1].ceiling_height] * 4
+    wanted = [room.ceiling_height for room in found.rooms for _ in range(4)]
+    assert [heights[k] for k in range(8)] == pytest.approx(wanted, abs=1e-5)
 
 
 def test_no_images_no_height() -> None:

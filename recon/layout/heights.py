@@ -34,6 +34,10 @@ MAX_CROSSED = 0.25
 RIVAL = 0.7
 """Another height with this share of the best one's score leaves the question open."""
 MAX_FRAMES = 400
+HIGHEST_DEFAULT, DEFAULT_STEP = 4.0, 0.1
+"""m: without a ceiling found, it is taken to be above what images show of walls without an edge, up to here."""
+HINT = 0.15
+"""Share of the wall tops in view that edges cover at a height that may be an unseen ceiling's."""
 GRID = 0.02
 """m; wall tops in view are counted for heights this far apart."""
 
@@ -45,7 +49,8 @@ def measure_heights(
 
     frames and map_from_camera (None: not known) have the same length; camera: of the frames, its K counts. What no
     image tells stays as it is. A room has a ceiling of its own where its walls show one; what most of these, by area,
-    agree on is the building's if its walls together do not tell.
+    agree on is the building's if its walls together do not tell. If nothing tells, the default is no lower than walls
+    are seen to go on.
     """
     seen = [(f, p) for f, p in zip(frames, map_from_camera, strict=True) if f is not None and p is not None and len(f)]
     views = seen[:: max(1, int(np.ceil(len(seen) / MAX_FRAMES)))]
@@ -61,7 +66,15 @@ def measure_heights(
     if height is None:
         height, sigma = _common(rooms)
     openings = measured_heads(layout.openings, layout.walls, evidence.level)
-    return replace(layout, rooms=tuple(rooms), openings=openings, ceiling_height=height, sigma_ceiling=sigma)
+    default = evidence.open_above(layout.default_ceiling_height) if height is None else layout.default_ceiling_height
+    return replace(
+        layout,
+        rooms=tuple(rooms),
+        openings=openings,
+        ceiling_height=height,
+        sigma_ceiling=sigma,
+        default_ceiling_height=default,
+    )
 
 
 def _common(rooms: list[Room]) -> tuple[float | None, float | None]:
@@ -110,6 +123,18 @@ class _Evidence:
         elif any(score > RIVAL * best for score, _ in rivals):
             return None, None
         return _estimate(edges, height)
+
+    def open_above(self, default: float) -> float:
+        """The least height, m, from `default` on where a ceiling may be that no image shows; `default` where none is.
+
+        Where images show much of the walls at a height and no edge, the ceiling is higher.
+        """
+        for height in np.arange(default, HIGHEST_DEFAULT + DEFAULT_STEP / 2, DEFAULT_STEP):
+            shown = float(self._shown_at(height).sum())
+            near = self._edges.where(np.abs(self._edges.height - height) <= NEAR)
+            if shown <= MIN_LENGTH or near.covered() > HINT * shown:
+                return round(float(height), 3)
+        return default
 
     def _shown_at(self, height: float) -> Array:
         """(W,) m of wall tops in view, to the nearest `GRID` of height."""

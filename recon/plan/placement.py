@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 
@@ -13,20 +14,29 @@ CELL = 2.0
 """m; size of the cells by which neighbours are found."""
 
 
+Bounds = tuple[float, float, float, float]
+
+
 class Taken:
     """Rectangles and lines that texts keep clear of."""
 
     def __init__(self) -> None:
-        self._cells: defaultdict[tuple[int, int], list[Array]] = defaultdict(list)
+        self._cells: defaultdict[tuple[int, int], list[tuple[Bounds, Array]]] = defaultdict(list)
 
     def add(self, box: Array) -> None:
         """A rectangle (4, 2), or a line (2, 2)."""
-        for cell in _cells(box):
-            self._cells[cell].append(box)
+        bounds = _bounds(box)
+        for cell in _cells(bounds):
+            self._cells[cell].append((bounds, box))
 
     def free(self, box: Array) -> bool:
         """Whether a rectangle or line touches none of those added."""
-        return not any(overlap(box, other) for cell in _cells(box) for other in self._cells.get(cell, ()))
+        x0, y0, x1, y1 = bounds = _bounds(box)
+        for cell in _cells(bounds):
+            for (a0, b0, a1, b1), other in self._cells.get(cell, ()):
+                if a0 <= x1 and x0 <= a1 and b0 <= y1 and y0 <= b1 and overlap(box, other):
+                    return False
+        return True
 
 
 def overlap(a: Array, b: Array) -> bool:
@@ -50,8 +60,13 @@ def grown(box: Array, margin: float) -> Array:
     return np.asarray(box + np.stack([-u - v, u - v, u + v, v - u]))
 
 
-def _cells(box: Array) -> Iterator[tuple[int, int]]:
-    (x0, y0), (x1, y1) = (np.floor(box.min(axis=0) / CELL), np.floor(box.max(axis=0) / CELL))
-    for x in range(int(x0), int(x1) + 1):
-        for y in range(int(y0), int(y1) + 1):
+def _bounds(box: Array) -> Bounds:
+    (x0, y0), (x1, y1) = box.min(axis=0).tolist(), box.max(axis=0).tolist()
+    return x0, y0, x1, y1
+
+
+def _cells(bounds: Bounds) -> Iterator[tuple[int, int]]:
+    x0, y0, x1, y1 = (math.floor(bound / CELL) for bound in bounds)
+    for x in range(x0, x1 + 1):
+        for y in range(y0, y1 + 1):
             yield x, y

@@ -73,7 +73,8 @@ def _label(
         for lines in _contents(room, layout, options, size):
             for angle in (0.0, np.pi / 2):
                 box, label = _set(lines, angle, mm)
-                inside = [s for s in spots if shape.covers(shapely.Polygon(box + s)) and texts.free(box + s)]
+                fits = shapely.covers(shape, shapely.polygons(box + np.array(spots)[:, None]))
+                inside = [s for s, fit in zip(spots, fits, strict=True) if fit and texts.free(box + s)]
                 spot = next((s for s in inside if furniture.free(box + s)), inside[0] if inside else None)
                 if spot is not None:
                     return [replace(text, at=text.at + spot) for text in label]

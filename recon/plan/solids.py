@@ -13,7 +13,7 @@ from recon.geometry import Array
 from recon.model import Layout, Wall
 from recon.plan.drawing import Element, Fill, Polyline
 from recon.plan.layers import BACK, FILL, INFERRED, WALL
-from recon.plan.walls import behind, drawn_depth, solid_pieces, unseen_bodies, unseen_pieces, wall_bodies
+from recon.plan.walls import behind, closed, drawn_depth, solid_pieces, unseen_bodies, unseen_pieces, wall_bodies
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -22,6 +22,8 @@ GRID = 1e-5
 """m; lines nearer than this are one line."""
 THINNEST = 0.008
 """m; narrower leftovers of a fill are not drawn."""
+CORE = 0.1
+"""m; half as wide are the gaps between walls with two seen faces that are closed: where they meet."""
 SHORTEST = 0.004
 """m; nor are shorter lines."""
 MEASURED, ASSUMED = ((58, 63, 71), 250), ((188, 192, 197), 253)
@@ -46,8 +48,8 @@ class Solids:
         deep = [w for w in layout.walls if w.thickness is not None]
         between = shapely.unary_union([behind(np.array([w.start, w.end]), w, drawn_depth(w)) for w in deep])
         solid = _only(shapely.difference, whole, unseen)
-        measured = _only(shapely.intersection, _closed(between), solid)
-        assumed = _substantial(_only(shapely.difference, solid, measured))
+        measured = _only(shapely.intersection, closed(between, CORE), solid)
+        assumed = closed(_only(shapely.difference, solid, measured), -THINNEST / 2)
         seen = shapely.unary_union([shapely.LineString(f.points) for f in faces(layout) if f.layer is WALL]).buffer(
             GRID
         )
@@ -97,20 +99,11 @@ def _backs(layout: Layout, solids: Solids) -> Iterator[Polyline]:
         yield Polyline(WALL if seen.covers(line) else BACK, np.array(line.coords), thin=seen.covers(line))
 
 
-def _closed(solid: BaseGeometry) -> BaseGeometry:
-    """The cores, too, where walls with two seen faces meet."""
-    return solid.buffer(0.1, join_style="mitre").buffer(-0.1, join_style="mitre")
-
-
 def _only(operation: Callable[..., BaseGeometry], a: BaseGeometry, b: BaseGeometry) -> BaseGeometry:
     """The areas that an overlay gives, on a grid (which never fails), without lines and points."""
     import shapely
 
     return shapely.MultiPolygon(_polygons(operation(a, b, grid_size=GRID / 10)))
-
-
-def _substantial(solid: BaseGeometry) -> BaseGeometry:
-    return solid.buffer(-THINNEST / 2, join_style="mitre").buffer(THINNEST / 2, join_style="mitre")
 
 
 def _polygons(solid: BaseGeometry) -> list[BaseGeometry]:

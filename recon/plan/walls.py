@@ -134,11 +134,17 @@ def wall_bodies(layout: Layout, walls: tuple[Wall, ...] | None = None, cut: bool
     parts += _corners(layout, {wall.id for wall in chosen})
     rooms, gap = room_area(layout), (THICKEST_FILLED - 2 * DRAWN_THICKNESS) / 2
     solid = shapely.unary_union(parts)
-    solid = solid.buffer(gap, join_style="mitre").buffer(-gap, join_style="mitre").difference(rooms)
+    solid = closed(solid, gap).difference(rooms)
     if cut:
         holes = [behind(ends, wall, depth + 1e-3, front=0.02) for wall, ends, depth in _holes(layout)]
         solid = solid.difference(shapely.unary_union(holes))
     return solid
+
+
+def closed(shape: BaseGeometry, gap: float) -> BaseGeometry:
+    """The shape with gaps of up to 2 `gap` m closed; negative: without its parts narrower than that."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags behind; numpy would warn of them
+        return shape.buffer(gap, join_style="mitre").buffer(-gap, join_style="mitre")
 
 
 def drawn_depth(wall: Wall) -> float:

@@ -20,6 +20,7 @@ from recon.layout.dimensions import with_dimensions
 from recon.layout.evidence import FreeSpace, free_space, scan_rays
 from recon.layout.frontier import frontier_lines
 from recon.layout.furniture import filled, with_furniture, without_furniture
+from recon.layout.gates import with_gates
 from recon.layout.labelling import areas, label_cells, supports, trust
 from recon.layout.leaves import without_leaves
 from recon.layout.line import PlanLine, merged_lines
@@ -62,6 +63,7 @@ def build_layout(
     returns = Returns(starts, ends)
     lines = with_piers(with_surfaces(lines, returns), returns, space)
     visited = visited_space(space, [line for line in lines if is_sure(line)], path) | filled(space, furniture)
+    lines = with_gates(lines, space)
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
     walls, owner, rooms = _walls_and_rooms(cells, lines, space, visited, path)

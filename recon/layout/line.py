@@ -33,7 +33,7 @@ class PlanLine:
     front, back: (K, 2) sorted disjoint stretches seen as a wall from the left and from the right of the direction.
     sigma_offset (m) at the origin and sigma_angle (rad), one standard deviation. frontier: (K, 2) stretches where
     seen space just ends, with no wall. oblique: a frontier neither along nor across the walls beside it. hidden:
-    (K, 2) stretches that something before the wall hides.
+    (K, 2) stretches that something before the wall hides. gates: (K, 2) doorways in it, which part rooms.
 
     parts: the walls of the estimate behind the line, each with how the line's (offset, angle) follow its own, (2, 2).
     mixed: covariance of offset and angle, m rad. surface: (2, 2) what the unevenness of its wall adds to a line's
@@ -51,6 +51,7 @@ class PlanLine:
     frontier: Array = field(default_factory=lambda: NONE)
     oblique: bool = False
     hidden: Array = field(default_factory=lambda: NONE)
+    gates: Array = field(default_factory=lambda: NONE)
     parts: tuple[tuple[int, Array], ...] = ()
     mixed: float = 0.0
     surface: Array = field(default_factory=lambda: np.zeros((2, 2)))

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from recon.geometry import Array
 from recon.layout.cells import Cells
-from recon.layout.line import PlanLine, coverage
+from recon.layout.line import PlanLine, coverage, crossings, union
 
 WALL_SHARE = 0.5
 """An edge between two inside cells is a wall from this supported share on."""
@@ -20,8 +20,15 @@ PASSAGE = 2.2
 """m, gaps up to this width between two stretches of one wall part rooms ..."""
 BESIDE_GAP = 0.5
 """... if these are, together, this share of the gap long."""
+NARROWEST = 0.6
+"""m, of a corridor."""
+THROUGH = 0.3
+"""m of a wall on either side of a line that it goes through."""
+STEEP = float(np.sin(np.radians(15.0)))
 SMALLEST = 1.0
 """m^2"""
+SMALLEST_BEHIND = 3.0
+"""m^2; smaller spaces behind a doorway are niches of the room before it."""
 SUPPORTED = 0.6
 """Share of a room's outline that walls support, for rooms that the platform did not enter."""
 CORRIDOR_ASPECT = 6.0
@@ -57,41 +64,117 @@ def regions(
     has_wall = np.isin(cells.line, cells.line[wall])
     glance = has_wall & (glanced[cells.left] != glanced[cells.right])
     parting = both & (wall | glance | _walled(cells, spans, lines))
-    link = both & ~parting
-    count = len(cells.polygons)
-    graph = coo_array((np.ones(link.sum()), (cells.left[link], cells.right[link])), shape=(count, count))
-    _, label = connected_components(graph, directed=False)
-    found = []
-    for k in np.unique(label[inside]):
-        members = np.flatnonzero((label == k) & inside)
-        polygon = shapely.union_all(cells.polygons[members])
-        if polygon.geom_type == "Polygon" and polygon.area >= SMALLEST:
-            found.append(Region(members, polygon))
+    doorways = both & ~parting & _gated(cells, spans, lines)
+    label = _components(cells, both & ~parting & ~doorways)
+    label = _with_niches(cells, label, doorways, both & ~wall, inside, support, path)
+    found = [region for k in np.unique(label[inside]) if (region := _region(cells, (label == k) & inside)) is not None]
     found.sort(key=lambda region: -region.polygon.area)
     kept = [region for region in found if _is_room(region, cells, support, path)]
     return kept or found[:1], both & wall
 
 
-def _closed(support: Array) -> Array:
-    """Supported stretches (K, 2) of a line joined over gaps of a door's width, if there is enough wall beside."""
+def _components(cells: Cells, link: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(C,) number of the connected component of every cell, over the edges in `link` (E,)."""
+    count = len(cells.polygons)
+    graph = coo_array((np.ones(link.sum()), (cells.left[link], cells.right[link])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _region(cells: Cells, members: NDArray[np.bool_]) -> Region | None:
+    """The cells set in `members` (C,) as a region; None where they are too small for one."""
+    polygon = shapely.union_all(cells.polygons[members])
+    if polygon.geom_type != "Polygon" or polygon.area < SMALLEST:
+        return None
+    return Region(np.flatnonzero(members), polygon)
+
+
+def _with_niches(
+    cells: Cells,
+    label: NDArray[np.int64],
+    doorways: NDArray[np.bool_],
+    bare: NDArray[np.bool_],
+    inside: NDArray[np.bool_],
+    support: Array,
+    path: Array,
+) -> NDArray[np.int64]:
+    """Labels (C,) of spaces, those behind a doorway that are no rooms of their own joined to the largest before it.
+
+    doorways: (E,) edges. bare: (E,) edges between inside cells without a wall; the threshold between the two faces of a
+    wall, which opens to two spaces, stays apart.
+    """
+    label = label.copy()
+    area = shapely.area(cells.polygons)
+    sides = np.stack([cells.left, cells.right], axis=1)
+    pairs = label[sides[doorways]]
+    size = np.bincount(label[inside], area[inside], len(area))
+    for k in sorted(np.unique(pairs).tolist(), key=lambda n: size[n]):
+        pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+        before = np.unique(pairs[(pairs == k).any(axis=1)])
+        before = before[before != k]
+        around = label[sides[bare & (label[sides] == k).any(axis=1)]]
+        is_threshold = size[k] < SMALLEST and len(np.unique(around[around != k])) > 1
+        if not len(before) or is_threshold:
+            continue
+        region = _region(cells, (label == k) & inside)
+        if region is None or size[k] < SMALLEST_BEHIND or not _is_room(region, cells, support, path):
+            into = int(before[np.argmax(size[before])])
+            label[label == k] = into
+            pairs[pairs == k] = into
+            size[into] += size[k]
+    return label
+
+
+def _closed(support: Array, crossed: Array) -> Array:
+    """Supported stretches (K, 2) of a line joined over gaps of a door's width, if there is enough wall beside.
+
+    Between two walls that go through the line in such a gap (`crossed` (n,)) is a corridor, and no door.
+    """
     joined = [list(support[0])]
     for low, high in support[1:]:
         gap = low - joined[-1][1]
-        if gap <= PASSAGE and (joined[-1][1] - joined[-1][0]) + (high - low) >= BESIDE_GAP * gap:
+        beside = (joined[-1][1] - joined[-1][0]) + (high - low) >= BESIDE_GAP * gap
+        between = crossed[(joined[-1][1] < crossed) & (crossed < low)]
+        if gap <= PASSAGE and beside and not (len(between) and np.ptp(between) > NARROWEST):
             joined[-1][1] = high
         else:
             joined.append([low, high])
     return np.array(joined)
 
 
+def _crossed(lines: list[PlanLine]) -> list[Array]:
+    """For every line the places along it where walls cross it that were seen on both sides of it."""
+    position, sine = crossings(lines)
+    out = []
+    for k in range(len(lines)):
+        near = np.flatnonzero((sine[k] > STEEP) & [len(line.support) > 0 for line in lines])
+        at = position[near, k]
+        through = [
+            all(coverage(lines[n].support, np.array([t - THROUGH, t]), np.array([t, t + THROUGH])) > THROUGH / 2)
+            for n, t in zip(near, at, strict=True)
+        ]
+        out.append(position[k, near[np.array(through, dtype=bool)]])
+    return out
+
+
 def _walled(cells: Cells, spans: Array, lines: list[PlanLine]) -> NDArray[np.bool_]:
     """(E,) edges that a wall covers, with its doors and passages."""
     walled = np.zeros(len(cells.edges), np.bool_)
-    for line, on in zip(lines, cells.of_lines(len(lines)), strict=True):
+    for line, on, crossed in zip(lines, cells.of_lines(len(lines)), _crossed(lines), strict=True):
         if len(line.support) and len(on):
             low, high = spans[on].T
-            walled[on] = coverage(_closed(line.support), low, high) >= WALL_SHARE * (high - low)
+            walled[on] = coverage(_closed(line.support, crossed), low, high) >= WALL_SHARE * (high - low)
     return walled
+
+
+def _gated(cells: Cells, spans: Array, lines: list[PlanLine]) -> NDArray[np.bool_]:
+    """(E,) edges in doorways, with what is seen of the walls beside them."""
+    gated = np.zeros(len(cells.edges), np.bool_)
+    for line, on in zip(lines, cells.of_lines(len(lines)), strict=True):
+        if len(line.gates) and len(on):
+            low, high = spans[on].T
+            wall = coverage(union(np.concatenate([line.support, line.gates])), low, high)
+            gated[on] = (wall >= WALL_SHARE * (high - low)) & (coverage(line.gates, low, high) > 0)
+    return gated
 
 
 def _is_room(region: Region, cells: Cells, support: Array, path: Array) -> bool:

@@ -21,6 +21,7 @@ from recon.cli.floorplan import floorplan
 from recon.cli.inspect import inspect
 from recon.cli.options import examples
 from recon.cli.simulate import simulate
+from recon.cli.view import view
 from recon.errors import ReconError
 
 BAD_INPUT, INTERRUPTED, TERMINATED = 2, 130, 143
@@ -39,7 +40,7 @@ def recon() -> None:
     """Offline indoor 3D reconstruction from a camera and a 2D LiDAR."""
 
 
-for _command in (build, floorplan, convert, export, evaluate, inspect, simulate, bench, check):
+for _command in (build, floorplan, convert, export, evaluate, inspect, simulate, bench, check, view):
     recon.add_command(_command)
 
 

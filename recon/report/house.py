@@ -28,6 +28,8 @@ NEARER = 0.9
 """Of the distance at which a ball around the building just fits; buildings are flat."""
 GLOW = 0.6
 """Share of a face's colour that needs no light."""
+PLAIN = 0.6
+"""Of the brightness of faces without a picture: under the viewer's lamp they would be white before white."""
 
 
 def house(model: Model) -> str:
@@ -69,7 +71,7 @@ def _lighten(scene: trimesh.Scene) -> None:
         if material.baseColorTexture is not None:
             material.emissiveTexture, material.emissiveFactor = material.baseColorTexture, [GLOW] * 3
         elif material.baseColorFactor is not None:
-            material.emissiveFactor = GLOW * np.asarray(material.baseColorFactor[:3], dtype=np.float64) / 255
+            material.baseColorFactor = [*(PLAIN * np.asarray(material.baseColorFactor[:3])).astype(np.uint8), 255]
 
 
 def _texture_size(faces: int) -> int:

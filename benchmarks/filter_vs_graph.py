@@ -33,7 +33,7 @@ from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
 from recon.simulate import random_plan, run_simulation
 
-SHARED_STAGES = ("scan matching", "scan lines", "layout")
+SHARED_STAGES = ("scan matching", "scan lines", "layout", "occupancy")
 """Stages that both have; the rest is the estimate's time."""
 HEAD = ("drive", "scans", "", "position", "heading, deg", "NEES", "walls within 5 cm, F1", "CPU, s")
 

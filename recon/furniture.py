@@ -87,7 +87,7 @@ def _before_a_wall(wall: Wall, others: Sequence[Wall]) -> Furniture | None:
         ends = np.stack([wall.start, wall.end]) - other.start
         depth, along = ends @ other.normal, ends @ other.direction
         gap = max(along.min() - other.length, -along.max())
-        before = DEPTH[0] <= depth.mean() <= DEPTH[1] and -OVERLAP * wall.length <= gap <= FARTHEST
+        before = DEPTH[0] <= depth.min() and depth.max() <= DEPTH[1] and -OVERLAP * wall.length <= gap <= FARTHEST
         if before and (best is None or gap < best[0]):
             best = gap, other
     if best is None:

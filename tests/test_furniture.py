@@ -8,6 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from layout_drive import cast, chain, drive, estimated, line
 from numpy.typing import NDArray
 
@@ -69,6 +71,19 @@ def test_a_wall_with_a_room_behind_is_not_doubtful() -> None:
     layout = outline(*PIER)
     behind = Room(1, "behind", np.array([[1.7, 3.4], [3.5, 3.4], [3.5, 4.0], [1.7, 4.0]]))
     assert suspects(replace(layout, rooms=(*layout.rooms, behind))) == []
+
+
+@given(st.floats(-0.16, 0.16), st.floats(0.3, 5.0), st.floats(-0.3, 1.5))
+@settings(deadline=None, max_examples=60)
+def test_footprints_are_sound(turn: float, length: float, depth: float) -> None:
+    """Whatever stands before a wall, parallel or nearly so: simple, counter-clockwise, of that depth."""
+    front = np.array([[3.0 + length, 4.0 - depth], [3.0, 4.0 - depth + length * np.sin(turn)]])
+    walls = (Wall(0, np.array([2.9, 4.0]), np.array([0.0, 4.0]), 0.005, 0.002, "lidar", 50),)
+    layout = Layout((*walls, Wall(1, front[0], front[1], 0.005, 0.002, "lidar", 50)), ())
+    for thing in suspects(layout):
+        assert thing.polygon.is_valid and thing.polygon.exterior.is_ccw
+        assert 0.19 < thing.depth < 1.11
+        assert not thing.owns(thing.footprint[2:]).any() and thing.owns(thing.footprint[:2]).all()
 
 
 def test_a_plain_room_has_no_doubtful_walls() -> None:

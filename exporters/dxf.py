@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import unicodedata
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -56,7 +57,8 @@ def write_building_dxf(building: Building, stem: str, options: ExportOptions = D
     angle = dominant_angle(Layout(walls, ()))
     floors, used = [], set[str]()
     for storey in building.storeys:
-        suffix = re.sub(r"[^A-Z0-9_]+", "_", clean(storey.name).upper()).strip("_") or "STOREY"
+        letters = unicodedata.normalize("NFKD", clean(storey.name)).encode("ascii", "ignore").decode().upper()
+        suffix = re.sub(r"[^A-Z0-9_]+", "_", letters).strip("_") or "STOREY"
         while suffix in used:
             suffix += "_"
         used.add(suffix)

@@ -109,6 +109,8 @@ class Pencil:
         for part in drawn.dimension.get_geometry_block() or ():
             if part.dxf.layer == "0":
                 part.dxf.layer = drawn.dimension.dxf.layer
+        if drawn.dimension.dxf.get("text_midpoint") is None:
+            drawn.dimension.dxf.discard("text_midpoint")  # left empty where there is no text; moves choke on it
         if dimension.sigma is not None:
             drawn.dimension.set_xdata(APPLICATION, [(1000, "sigma"), (1040, float(dimension.sigma))])
         return drawn.dimension

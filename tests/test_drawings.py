@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -16,19 +17,23 @@ import pypdfium2
 import pypdfium2.raw as pdfium
 import pytest
 import shapely
+from click.testing import CliRunner
 from two_rooms import two_rooms
 
+from recon.cli.main import recon
 from recon.errors import ConfigError
-from recon.exporters import DRAWINGS, export
+from recon.exporters import DRAWINGS, export, export_building
 from recon.exporters.options import ExportOptions
 from recon.geometry import Array, rotation2
 from recon.model import Dimension, Layout, Model, Room, Wall
 from recon.plan.draw import draw_plan, turned
 from recon.plan.drawing import Text
 from recon.plan.options import DrawingOptions
-from recon.simulate import random_plan
+from recon.sequence.write import write_scans
+from recon.simulate import random_plan, run_simulation
 from recon.simulate.building import build_building
 from recon.simulate.truth import true_layout
+from recon.storeys import Storey, stack
 
 SVG = "{http://www.w3.org/2000/svg}"
 POINT = 25.4 / 72
@@ -311,8 +316,52 @@ def test_odd_layouts_give_valid_files(name: str, profile: str, tmp_path: Path) -
     assert cv2.imread(str(tmp_path / "plan.png")) is not None
 
 
+def test_storeys_have_layers_sheets_and_heights_of_their_own(building: Model, tmp_path: Path) -> None:
+    storeys = stack("house", [Storey("Étage 1", 3.2, two_rooms()), Storey("Ground", 0.0, building)])
+    export_building(storeys, tmp_path / "house.dxf")
+    document = ezdxf.readfile(tmp_path / "house.dxf")
+    assert not document.audit().errors
+    assert document.layouts.names() == ["Model", "Plan-GROUND", "Plan-ETAGE_1"]
+    heights = {e.dxf.layer: e.dxf.start.z for e in document.modelspace().query("LINE") if "A-WALL" in e.dxf.layer}
+    assert heights["A-WALL-GROUND"] == 0.0 and heights["A-WALL-ETAGE_1"] == pytest.approx(3.2)
+    axes = document.ucs.get("MAP")
+    to_map = np.array([tuple(axes.dxf.xaxis.vec2), tuple(axes.dxf.yaxis.vec2)])
+    lines = list(document.modelspace().query('LINE[layer=="A-WALL-ETAGE_1"]'))
+    check_walls(
+        [np.array([tuple(e.dxf.start.vec2), tuple(e.dxf.end.vec2)]) @ to_map.T for e in lines], two_rooms().layout
+    )
+
+
 def test_same_model_same_bytes(building: Model, tmp_path: Path) -> None:
     for suffix in DRAWINGS:
         for name in ("a", "b"):
             export(building, tmp_path / f"{name}{suffix}")
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes(), suffix
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("-o", "plan.pdf", "--scale", "1:x"), "'1:x' is no scale"),
+        (("-o", "plan.pdf", "--dxf-profile", "plain"), "--dxf-profile is for .dxf"),
+        (("-o", "plan.json", "--scale", "50"), "--scale is for .dxf .pdf .png .svg"),
+        (("-o", "model.glb"), "model.glb: is no plan"),
+    ],
+)
+def test_floorplan_refuses_in_one_line(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    places = [str(tmp_path / a) if a.startswith(("plan.", "model.")) else a for a in arguments]
+    result = CliRunner().invoke(recon, ["floorplan", str(tmp_path), *places])
+    assert result.exit_code == 2 and said in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_floorplan_draws_the_plan_of_a_drive(tmp_path: Path) -> None:
+    plan = random_plan(3, 2)
+    simulation = run_simulation(dataclasses.replace(plan, camera=dataclasses.replace(plan.camera, rate=0.0)), 3)
+    (tmp_path / "drive").mkdir()
+    write_scans(tmp_path / "drive" / "scans.npz", simulation.scans)
+    outputs = [str(tmp_path / name) for name in ("plan.pdf", "plan.json")]
+    result = CliRunner().invoke(recon, ["floorplan", str(tmp_path / "drive"), "-q", "-o", outputs[0], "-o", outputs[1]])
+    assert result.exit_code == 0, result.output
+    assert len(json.loads((tmp_path / "plan.json").read_text())["rooms"]) == len(plan.rooms)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["drive", "plan.json", "plan.pdf"]

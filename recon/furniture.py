@@ -1,4 +1,4 @@
-"""Furniture along walls, which a scanner takes for walls: where images are to look."""
+"""Furniture along walls and in the middle of rooms, which a scanner takes for walls: where images are to look."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ LENGTH = (0.3, 5.0)
 """m along the wall, of one thing or several in a row."""
 DEPTH = (0.2, 1.1)
 """m from its front to the wall behind."""
+ISLAND = 0.15, 5.0
+"""m^2, of blocks with the room all round ..."""
+MOST_SIDES = 10
+"""... and so many walls."""
 PARALLEL = np.cos(np.radians(10.0))
 FARTHEST = 6.0
 """m along the wall behind to where it was seen."""
@@ -33,12 +37,14 @@ SLIT = 0.02
 
 @dataclass(frozen=True)
 class Furniture:
-    """What stands before a wall: footprint (4, 2), m, map frame, counter-clockwise.
+    """What stands before a wall, or as an island in a room: footprint (n, 2), m, map frame, counter-clockwise, convex.
 
-    The first two corners are those of its front, seen from the room from right to left, the others on the wall behind.
+    Before a wall (n = 4) the first two corners are those of the front, seen from the room from right to left, the
+    others are on the wall behind.
     """
 
     footprint: Array
+    island: bool = False
 
     @property
     def polygon(self) -> shapely.Polygon:
@@ -57,25 +63,63 @@ class Furniture:
 
     @property
     def clear_footprint(self) -> Array:
-        """The footprint (4, 2), m, just clear of the wall behind."""
+        """The footprint (n, 2), m, just clear of the wall behind."""
+        if self.island:
+            return self.footprint
         return np.asarray(self.footprint + np.array([0.0, 0.0, 1.0, 1.0])[:, None] * SLIT * self.normal)
 
     def owns(self, points: Array) -> NDArray[np.bool_]:
         """(N,) whether points (N, 2) lie on its front or its sides, and not on the wall behind."""
         inside = shapely.contains_xy(self.polygon.buffer(MARGIN, join_style="mitre"), points[:, 0], points[:, 1])
+        if self.island:
+            return np.asarray(inside)
         return np.asarray(inside & ((points - self.footprint[2]) @ self.normal > BACK * self.depth))
 
 
 def suspects(layout: Layout) -> list[Furniture]:
-    """Walls that may be fronts of furniture: short ones before the line of another, and no room between the two."""
+    """Walls that may be furniture: short ones before the line of another, small blocks with the room all round.
+
+    No room lies between the two, or in the block.
+    """
     inner = shapely.union_all([shapely.Polygon(room.polygon) for room in layout.rooms])
     seen = [wall for wall in layout.walls if wall.source == "lidar" and wall.length >= LENGTH[0]]
-    found = []
-    for wall in seen:
-        thing = None if wall.length > LENGTH[1] else _before_a_wall(wall, seen)
-        if thing is not None and shapely.area(thing.polygon.intersection(inner)) <= (1 - OUTSIDE) * thing.polygon.area:
-            found.append(thing)
+    fronts = [_before_a_wall(wall, seen) for wall in seen if wall.length <= LENGTH[1]]
+    found = [thing for thing in fronts if thing is not None] + _islands(layout.walls)
+    return [
+        thing
+        for thing in found
+        if shapely.area(thing.polygon.intersection(inner)) <= (1 - OUTSIDE) * thing.polygon.area
+    ]
+
+
+def _islands(walls: Sequence[Wall]) -> list[Furniture]:
+    """Closed chains of walls, clockwise as free space is on their left, around no more than furniture covers."""
+    after = {tuple(np.round(wall.start, 3).tolist()): wall for wall in walls}
+    found, used = [], set()
+    for first in walls:
+        chain = [first]
+        while len(chain) <= MOST_SIDES and chain[-1].id not in used:
+            used.add(chain[-1].id)
+            following = after.get(tuple(np.round(chain[-1].end, 3).tolist()))
+            if following is None:
+                break
+            if following is first:
+                found += _block(chain)
+                break
+            chain.append(following)
     return found
+
+
+def _block(chain: Sequence[Wall]) -> list[Furniture]:
+    """What a closed chain of walls holds, if it is of furniture's size and somebody saw it."""
+    ring = shapely.LinearRing([wall.start for wall in chain]) if len(chain) > 2 else None
+    if ring is None or ring.is_ccw or all(wall.source == "inferred" for wall in chain):
+        return []
+    hull = shapely.orient_polygons(ring.convex_hull)
+    long = max(np.ptp(np.asarray(shapely.oriented_envelope(ring).exterior.coords), axis=0))
+    if not ISLAND[0] <= hull.area <= ISLAND[1] or long > LENGTH[1]:
+        return []
+    return [Furniture(np.asarray(hull.exterior.coords)[:-1], island=True)]
 
 
 def _before_a_wall(wall: Wall, others: Sequence[Wall]) -> Furniture | None:

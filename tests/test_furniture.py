@@ -10,7 +10,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from layout_drive import cast, chain, drive, estimated, line
+from layout_drive import cast, chain, drive, estimated, line, ring
 from numpy.typing import NDArray
 
 from recon.config import LayoutConfig
@@ -147,6 +147,25 @@ def test_the_plan_goes_on_behind_known_furniture() -> None:
     shares = [shapely.Polygon(o.footprint).intersection(footprint).area / footprint.area for o in layout.objects]
     assert max(shares) > 0.9
     assert all(w.source == "inferred" or np.ptp(w.unseen, axis=1).sum() > 0 for w in layout.walls if hidden(w, x0))
+
+
+def test_the_room_goes_on_over_a_known_island() -> None:
+    """A block of 2 by 1.6 m in the middle of a room: four walls to the scanner, an object once images tell."""
+    x, y = (3.0, 5.0), (2.2, 3.8)
+    block = [(x[0], y[0]), (x[0], y[1]), (x[1], y[1]), (x[1], y[0])]
+    corners = [(0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (0.0, 6.0)]
+    solid = [*chain(*corners, corners[0]), *chain(*block, block[0])]
+    poses = drive((1, 1), (7, 1), (7, 5), (1, 5), (1, 1))
+    scans = cast(np.array(solid, float), poses, 12.0)
+    estimate = estimated(ring(*corners) + ring(*block), poses)
+    taken = build_layout(estimate, scans, LayoutConfig())
+    (thing,) = suspects(taken)
+    assert thing.island
+    assert shapely.Polygon(thing.footprint).symmetric_difference(shapely.box(x[0], y[0], x[1], y[1])).area < 0.1
+    layout = build_layout(estimate, scans, LayoutConfig(), [thing])
+    assert area(taken.rooms) == pytest.approx(48 - 3.2, abs=0.1) and len(taken.walls) == 8
+    assert area(layout.rooms) == pytest.approx(48.0, abs=0.1) and len(layout.walls) == 4
+    assert len(layout.objects) == 1 and shapely.Polygon(layout.objects[0].footprint).area == pytest.approx(3.2, abs=0.1)
 
 
 def area(rooms: tuple[Room, ...]) -> float:

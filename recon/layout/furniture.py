@@ -30,11 +30,13 @@ def without_furniture(lines: Sequence[PlanLine], things: Sequence[Furniture]) ->
             if line.source != "lidar":
                 continue
             line = replace(line, front=_without(line, line.front, thing), back=_without(line, line.back, thing))
+            out[k] = line
+            if thing.island:
+                continue
             behind = thing.footprint[2:]
             if abs(line.normal @ thing.normal) > PARALLEL and np.abs(line.offset(behind)).max() < AGAINST:
                 hidden = np.concatenate([line.hidden, np.sort(line.along(behind))[None]])
-                line = replace(line, hidden=union(hidden))
-            out[k] = line
+                out[k] = replace(line, hidden=union(hidden))
     return [line for line in out if len(line.front) or len(line.back)]
 
 

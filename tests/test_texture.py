@@ -25,6 +25,7 @@ from recon.texture import refine_poses, texture_faces
 from recon.texture.blur import blur_cost
 from recon.texture.fill import fill_smoothly
 from recon.texture.gains import Exposure, solve_log_gains
+from recon.texture.grain import grain, repeated
 from recon.texture.labelling import choose_views
 from recon.texture.notes import texture_notes
 
@@ -380,3 +381,23 @@ def test_notes_say_what_pictures_lack() -> None:
     assert all(f.texture is not None and max(f.texture.shape[:2]) <= 100 for f in small)
     assert any("at most 100 pixels" in note for note in texture_notes(small, few))
     assert texture_notes((), COARSE) == ()
+
+
+@given(st.integers(0, 2**31), st.floats(2, 8))
+@settings(max_examples=10)
+def test_what_is_filled_has_the_grain_of_what_was_seen(seed: int, noise: float) -> None:
+    """A plain wall with a gaudy poster: the grain is that of the plain part, and repeats without an edge."""
+    rng = np.random.default_rng(seed)
+    picture = (140 + rng.normal(0, noise, (300, 400, 1)) + np.zeros(3)).clip(0, 255).astype(np.uint8)
+    picture[:150, :150] = rng.integers(0, 256, (150, 150, 3))
+    alpha = np.full((300, 400), 255, np.uint8)
+    alpha[:, 250:] = 0
+    found = grain(picture, alpha)
+    assert found is not None
+    assert found.std() == pytest.approx(noise, rel=0.15)
+    assert abs(found.mean()) < 0.2 * noise
+    assert np.array_equal(found[0], found[-1]) and np.array_equal(found[:, 0], found[:, -1])
+    whole = repeated(found, slice(10, 400), slice(500, 800))
+    assert whole.shape == (390, 300)
+    assert whole[0, 0] == found[10, 500 % found.shape[1]]
+    assert grain(picture, np.zeros_like(alpha)) is None

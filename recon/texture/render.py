@@ -14,6 +14,7 @@ from recon.texture.canvas import BLOCK, Canvas, enlarge
 from recon.texture.consensus import Correction
 from recon.texture.fill import fill_smoothly
 from recon.texture.gains import Exposure
+from recon.texture.grain import grain, repeated
 from recon.texture.labelling import Views
 from recon.texture.view import Image, Lens, at_level, level_of, pyramid
 
@@ -135,7 +136,10 @@ def _to_uint8(values: Grid | Array) -> Image:
 
 
 def _fill(picture: Image, alpha: Image) -> None:
-    """Gives the unseen texels of the picture, in place, the smooth continuation of the blocks around them."""
+    """Gives the unseen texels of the picture, in place, the smooth continuation of the blocks around them.
+
+    The fine structure of what was seen lies on top.
+    """
     if not (alpha < 255).any() or not alpha.any():
         return
     rows, columns = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
@@ -146,9 +150,12 @@ def _fill(picture: Image, alpha: Image) -> None:
     mean /= np.maximum(share, 1e-3)[..., None]
     smooth = fill_smoothly(mean, np.where(share > 0.1, weight, 0))
     padded = np.pad(smooth, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    fine = grain(picture, alpha)
     for (top, bottom), (left, right) in _tiles(rows, columns):
         place = _texels((top, bottom)), _texels((left, right))
         own = alpha[place].astype(np.float32)[..., None] / 255
         if (own < 1).any():
             below = enlarge(padded[top : bottom + 2, left : right + 2])
+            if fine is not None:
+                below = below + repeated(fine, *place)[..., None]
             picture[place] = _to_uint8(picture[place] * own + below * (1 - own))

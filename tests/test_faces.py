@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
@@ -135,6 +135,7 @@ def open_edges(faces: tuple[Face, ...]) -> list[tuple[Array, Array]]:
     return [(points[a], points[b]) for (a, b), n in count.items() if count[b, a] != n]
 
 
+@settings(max_examples=40)
 @given(star_polygons(), st.data())
 def test_a_room_with_closed_openings_is_watertight(polygon: Array, data: st.DataObject) -> None:
     rounded = polygon.round(6)

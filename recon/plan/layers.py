@@ -51,9 +51,9 @@ AREA_NAME = Layer("A-AREA-IDEN", "A-90----T-", 3, INK, 0.18)
 """Names and areas of rooms."""
 DIMENSIONS = Layer("A-ANNO-DIMS", "A-00----D-", 5, (70, 78, 88), 0.13)
 TEXT = Layer("A-ANNO-TEXT", "A-00----T-", 7, (70, 78, 88), 0.18)
-"""Notes in the plan."""
+"""Notes and what the legend says."""
 TITLE = Layer("A-ANNO-TTLB", "A-------B-", 7, INK, 0.25)
-"""Title block, legend, scale bar."""
+"""Frame of the sheet, name, symbols of the legend, scale bar."""
 VIEWPORT = Layer("A-ANNO-NPLT", "A-------B0", 9, GREY, 0.09, plotted=False)
 """Frames of viewports, not plotted."""
 

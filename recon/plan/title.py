@@ -10,7 +10,7 @@ import numpy as np
 
 from recon.geometry import Array, rotation2
 from recon.plan.drawing import Element, Fill, Polyline, Text
-from recon.plan.layers import DOOR, FILL, FURNITURE, GLAZING, GREY, INK, TITLE, Layer
+from recon.plan.layers import DOOR, FILL, FURNITURE, GLAZING, GREY, INK, TEXT, TITLE, Layer
 from recon.plan.lettering import LINE, clean, shortened, text_width, wrapped
 from recon.plan.options import DrawingOptions
 from recon.plan.quantity import FOOT
@@ -20,7 +20,7 @@ from recon.plan.solids import ASSUMED, MEASURED
 PAD = 4.0
 SMALL, NORMAL, LARGE = 1.8, 2.2, 4.0
 SOFT = Layer(TITLE.aia, TITLE.iso, 8, GREY, 0.13)
-"""Grey lines and texts of the title block."""
+"""Grey lines of the title block."""
 MAIN, FACTS = 66.0, 62.0
 """mm; widths of the cells of the name and of the scale."""
 SWATCH = 9.0
@@ -88,7 +88,7 @@ def _name(cell: Cell, facts: Facts, sheet: Sheet) -> Iterator[Element]:
         y -= LINE * height
     for text in ("Floor plan", facts.summary, f"{scale_text(sheet.scale)} on {sheet.paper}"):
         for line in wrapped(text, NORMAL, wide)[:1]:
-            yield Text(SOFT, line, np.array([left + PAD, y]), NORMAL)
+            yield Text(TEXT, line, np.array([left + PAD, y]), NORMAL)
         y -= LINE * NORMAL
 
 
@@ -103,7 +103,7 @@ def _legend(cell: Cell, facts: Facts) -> Iterator[Element]:
         x, y = left + PAD + (k // rows) * width, top - PAD - SMALL - (k % rows) * step
         yield from _swatch(kind, x, y - 0.3)
         text = shortened(LEGEND[kind], SMALL, width - SWATCH - 2 - PAD)
-        yield Text(SOFT, text, np.array([x + SWATCH + 2, y]), SMALL)
+        yield Text(TEXT, text, np.array([x + SWATCH + 2, y]), SMALL)
 
 
 def _swatch(kind: str, x: float, y: float) -> Iterator[Element]:
@@ -146,8 +146,8 @@ def _notes(cell: Cell, notes: Sequence[str]) -> Iterator[Element]:
             if y < low + PAD / 2:
                 return
             if number == 0:
-                yield Text(SOFT, "·", np.array([left + PAD, y]), SMALL, bold=True)
-            yield Text(SOFT, line, np.array([left + PAD + 2, y]), SMALL)
+                yield Text(TEXT, "·", np.array([left + PAD, y]), SMALL, bold=True)
+            yield Text(TEXT, line, np.array([left + PAD + 2, y]), SMALL)
             y -= LINE * SMALL
         y -= 0.25 * SMALL
 
@@ -166,7 +166,7 @@ def _scale(cell: Cell, sheet: Sheet, facts: Facts, options: DrawingOptions) -> I
         yield Polyline(TITLE, ring, True, thin=True)
     for i in (0, 2, 4):
         label = f"{part * i:g}{(' ft' if foot else ' m') if i == 4 else ''}"
-        yield Text(SOFT, label, np.array([x + i * length, y + 2.4]), SMALL, anchor="start" if i == 0 else "middle")
+        yield Text(TEXT, label, np.array([x + i * length, y + 2.4]), SMALL, anchor="start" if i == 0 else "middle")
     yield Text(TITLE, scale_text(sheet.scale), np.array([x, y - 7.5]), 3.2, bold=True)
     yield from _arrow(np.array([right - PAD - 5.0, (top + max(low, top - 26.0)) / 2 - 0.5]), facts, options)
 

@@ -5,11 +5,15 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from small_build import Small
 
 settings.register_profile("untimed", deadline=None)  # no test fails for being slow
 settings.load_profile("untimed")
@@ -95,3 +99,11 @@ def run_recon(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
         return CommandResult(status, captured.out.splitlines(), captured.err.splitlines())
 
     return run
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Small:
+    """A small build with images, and its result folder."""
+    from small_build import build_small
+
+    return build_small(tmp_path_factory.mktemp("small"))

@@ -3,58 +3,23 @@
 from __future__ import annotations
 
 import html
-import json
 import re
 import shutil
 import subprocess
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from small_build import Small
 
-from recon.config import Config
-from recon.pipeline import Build, build
 from recon.report import write_report
 from recon.report.frames import shrunk
-from recon.results import save_result
 from recon.sequence.camera import Camera
-from recon.sequence.folder import read_sequence
-from recon.simulate import simulate_file
 
-PLAN = {
-    "name": "<two> & rooms",
-    "rooms": [
-        {"name": "hall", "polygon": [[0, 0], [5, 0], [5, 4], [0, 4]]},
-        {"name": "side", "polygon": [[5.2, 0], [9, 0], [9, 4], [5.2, 4]]},
-    ],
-    "openings": [{"type": "passage", "room": 0, "wall": 1, "offset": 1.5, "width": 1.0}],
-    "path": [[1, 2], [7, 2], [7.5, 3]],
-    "camera": {"image_width": 160, "image_height": 120, "fx": 110, "fy": 110, "cx": 79.5, "cy": 59.5, "rate": 2.0},
-    "write_extrinsics": True,
-}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-
-
-@dataclass(frozen=True)
-class Small:
-    """A small build, and its result folder with a link to model.usd beside it."""
-
-    build: Build
-    folder: Path
-
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Small:
-    place = tmp_path_factory.mktemp("report")
-    (place / "plan.json").write_text(json.dumps(PLAN), encoding="utf-8")
-    simulate_file(place / "plan.json", place / "seq", 0)
-    built = build(read_sequence(place / "seq"), Config(workers=1))
-    built = replace(built, warnings=("wheels <slip>; give odometry.txt",))
-    save_result(built, place / "model.recon", (place / "out" / "the model.usd", place / "model.recon" / "plan.dxf"))
-    return Small(built, place / "model.recon")
 
 
 def read(folder: Path) -> str:

@@ -298,3 +298,16 @@ def test_a_blank_picture_of_one_texel(tmp_path: Path) -> None:
     )
     picture = trimesh.load_scene(tmp_path / "house.lod3.glb").geometry["wall_000"].visual.material.baseColorTexture
     assert picture.size == (1, 1) and picture.getpixel((0, 0))[:3] == (7, 7, 7)
+
+
+def test_walls_without_a_room_have_a_group_of_their_own(tmp_path: Path) -> None:
+    model = open_house()
+    roomless = replace(model, layout=replace(model.layout, rooms=()))
+    walls = tuple(face for face in roomless.faces if face.kind not in ("floor", "ceiling"))
+    for name in ("house.glb", "house.usda"):
+        export(replace(roomless, faces=walls), tmp_path / name)
+    nodes = {node["name"]: node for node in read_glb(tmp_path / "house.glb")["nodes"]}
+    assert "room_000" not in nodes and "room" not in nodes["wall_000"]["extras"]
+    assert len(nodes["other"]["children"]) == 10 + 4  # walls, and nodes of openings
+    stage = Usd.Stage.Open(str(tmp_path / "house.usda"))
+    assert complaints(stage) == [] and stage.GetPrimAtPath("/building/other/opening_000/door_000")

@@ -11,6 +11,7 @@ from recon.geometry import Array
 from recon.holes import rooms_before
 from recon.model import Layout, Opening, OpeningType, Wall
 from recon.plan import opening_span
+from recon.solids import areas
 from recon.strips import PARALLEL, THICKEST
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def doorways(layout: Layout) -> tuple[Doorway, ...]:
     before = rooms_before(layout)
     front = {wall: None if room is None else room.id for wall, room in before.items()}
     pairs = _pairs(layout.openings, walls)
-    rooms = shapely.STRtree([shapely.make_valid(shapely.Polygon(room.polygon)) for room in layout.rooms])
+    rooms = shapely.STRtree([areas(shapely.make_valid(shapely.Polygon(room.polygon))) for room in layout.rooms])
     out = []
     for i, opening in enumerate(layout.openings):
         k = pairs.get(i)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 CORNER = 0.01
 """m: ends of faces nearer than this meet."""
+GRID = 1e-7
+"""m: corners of bodies are rounded to this, which keeps the geometry sound whatever faces cross."""
 CONVEX = float(np.sin(np.radians(1.0)))
 SLIVER = 0.002
 """m: half the width of leftovers that are not kept."""
@@ -87,7 +89,7 @@ def wall_solids(layout: Layout) -> tuple[WallSolid, ...]:
     groups = [_Group(walls, strips) for strips in grouped_strips(strips_of(walls))]
     ends = _corner_depths(walls, groups)
     bodies = [group.body(ends) for group in groups]
-    bodies = _without(bodies, [shapely.make_valid(shapely.Polygon(room.polygon)) for room in layout.rooms])
+    bodies = _without(bodies, [areas(shapely.make_valid(shapely.Polygon(room.polygon))) for room in layout.rooms])
     order = sorted(range(len(groups)), key=lambda n: (-groups[n].seen, -groups[n].length, n))
     heights = wall_heights(layout)
     out: list[WallSolid] = []
@@ -206,7 +208,7 @@ def _without(bodies: list[BaseGeometry], rooms: list[BaseGeometry]) -> list[Base
     out = []
     for body in bodies:
         for k in np.sort(tree.query(body, predicate="intersects")):
-            body = body.difference(rooms[k])
+            body = areas(shapely.difference(body, rooms[k], grid_size=GRID))
         out.append(body)
     return out
 
@@ -221,14 +223,25 @@ def _apart(bodies: list[BaseGeometry], order: Sequence[int]) -> list[BaseGeometr
     for n in order:
         for k in np.sort(tree.query(bodies[n], predicate="intersects")):
             if rank[int(k)] < rank[n]:
-                out[n] = out[n].difference(bodies[k])
+                out[n] = areas(shapely.difference(out[n], bodies[k], grid_size=GRID))
     return out
+
+
+def areas(shape: BaseGeometry) -> BaseGeometry:
+    """The polygons of a shape without its lines and points, as one."""
+    import shapely
+
+    if shape.geom_type in ("Polygon", "MultiPolygon"):
+        return shape
+    parts = [part for part in getattr(shape, "geoms", ()) if part.geom_type in ("Polygon", "MultiPolygon")]
+    return shapely.union_all(parts)
 
 
 def _parts(body: BaseGeometry) -> list[Polygon]:
     """Its polygons, without slivers; from the largest down."""
     import shapely
 
-    solid = body.buffer(-SLIVER, join_style="mitre").buffer(SLIVER, join_style="mitre").intersection(body)
+    solid = body.buffer(-SLIVER, join_style="mitre").buffer(SLIVER, join_style="mitre")
+    solid = areas(shapely.intersection(areas(solid), body, grid_size=GRID))
     parts = [p for p in shapely.get_parts(solid) if p.geom_type == "Polygon" and p.area >= SMALLEST]
     return sorted((shapely.orient_polygons(p) for p in parts), key=lambda p: (-round(p.area, 6), p.bounds))

@@ -33,8 +33,8 @@ from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
 from recon.simulate import random_plan, run_simulation
 
-SHARED_STAGES = ("scan matching", "scan lines", "layout", "occupancy")
-"""Stages that both have; the rest is the estimate's time."""
+ESTIMATE = ("image motion", "loop closure", "factor graph", "filter")
+"""Stages whose time is the estimate's; the others both have."""
 HEAD = ("drive", "scans", "", "position", "heading, deg", "NEES", "walls within 5 cm, F1", "CPU, s")
 
 
@@ -48,7 +48,7 @@ class _Clock:
     def stage(self, name: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
         start = time.process_time()
         yield _Silent()
-        if name not in SHARED_STAGES:
+        if name in ESTIMATE:
             self.seconds += time.process_time() - start
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from open_house import open_house
 
 from recon.clients import check_file, programs
 from recon.clients.check import CLIENTS
 from recon.clients.finding import Broken, Missing
+from recon.cloud import PointCloud
 from recon.errors import InputError
 from recon.exporters import MESHES, export
 from recon.exporters.options import ExportOptions
@@ -112,6 +115,16 @@ def test_godot_finds_collision_shapes(engine: str, shapes: bool, tmp_path: Path)
         pytest.skip(str(reason))
     faces = len(model.faces)
     assert said == f"{faces} meshes, {faces if shapes else 0} collision shapes"
+
+
+def test_points_are_no_mesh(tmp_path: Path) -> None:
+    cloud = PointCloud(np.eye(3, dtype=np.float32), np.zeros((3, 3), np.uint8))
+    export(replace(open_house(), cloud=cloud), tmp_path / "house.cloud.ply")
+    (tmp_path / "cloud.ply").write_bytes((tmp_path / "house.cloud.ply").read_bytes())
+    for name in ("house.cloud.ply", "cloud.ply"):
+        findings = {f.client: f for f in check_file(tmp_path / name) if f.client in ("trimesh", "assimp")}
+        assert (findings["trimesh"].state, findings["assimp"].state) == ("ok", "not run")
+        assert "3 points" in findings["trimesh"].text
 
 
 def test_assimp_reads_every_mesh_format(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from recon.clients import documents, libraries, programs
 from recon.clients.finding import Broken, Finding, Missing
 from recon.errors import InputError
+from recon.exporters import suffix_of
 
 Client = Callable[[Path], str]
 """Opens a file and says in a line what it found; raises Broken or Missing."""
@@ -21,6 +22,7 @@ CLIENTS: dict[str, dict[str, Client]] = {
     ".gltf": _GLTF,
     ".obj": {"files": documents.obj_files, **_MESH},
     ".ply": _MESH,
+    ".cloud.ply": _MESH,
     ".stl": {"length": documents.stl_length, **_MESH},
     ".usd": _USD,
     ".usda": _USD,
@@ -40,9 +42,10 @@ def check_file(path: Path) -> list[Finding]:
     """What every client of the format of `path` says; InputError when there is no such file or no client for it."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    clients = CLIENTS.get(path.suffix.lower())
+    suffix = suffix_of(path)
+    clients = CLIENTS.get(suffix)
     if clients is None:
-        raise InputError(f"{path}: nothing here opens {path.suffix or 'such files'}, expected {' '.join(CLIENTS)}")
+        raise InputError(f"{path}: nothing here opens {suffix or 'such files'}, expected {' '.join(CLIENTS)}")
     return [_ask(name, client, path.resolve()) for name, client in clients.items()]
 
 

@@ -22,4 +22,4 @@ class Broken(Exception):
 
 
 class Missing(Exception):
-    """A client is not installed; the message says what would bring it."""
+    """A client is not installed, or not for such a file; the message says which, and what would bring it."""

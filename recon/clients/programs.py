@@ -20,6 +20,9 @@ PATIENCE = 300.0
 SETTLED = 3.0
 """s after Godot has written what it made of a file; it may not end by itself."""
 
+HEADER = 4096
+"""Bytes of a PLY file that hold its header."""
+
 _VALIDATE = """
 const fs = require("fs"), path = require("path"), file = process.argv[1];
 const read = (uri) => new Uint8Array(fs.readFileSync(path.join(path.dirname(file), decodeURIComponent(uri))));
@@ -66,6 +69,8 @@ def khronos(path: Path) -> str:
 def assimp(path: Path) -> str:
     """`assimp info`."""
     program = _program("assimp", hint="assimp-utils of Debian and Ubuntu")
+    if path.suffix.lower() == ".ply" and b"element face" not in path.read_bytes()[:HEADER]:
+        raise Missing("it reads meshes, and this file has points only")
     done = _run([program, "info", str(path)])
     facts = dict(line.split(":", 1) for line in reversed(done.stdout.splitlines()) if line.count(":") == 1)
     if done.returncode != 0 or "Meshes" not in facts:

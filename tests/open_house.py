@@ -35,5 +35,5 @@ def first_hit(triangles: Array, origin: Array, direction: Array) -> float:
         along = np.cross(origin - a, b - a)
         v = along @ direction / scale
         t = np.einsum("ij,ij->i", c - a, along) / scale
-    hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
     return float(t[hit].min(initial=np.inf))

@@ -80,8 +80,8 @@ def _tile(
     """Colours and alpha of the blocks of a tile. padded: the views of all blocks with one ring around them."""
     (top, bottom), (left, right) = tile
     views = padded[top : bottom + 2, left : right + 2]
-    total = np.zeros(((bottom - top) * BLOCK, (right - left) * BLOCK, 4), np.float32)
-    cover = np.zeros(total.shape[:2], np.float32)
+    total = np.zeros(((bottom - top) * BLOCK, (right - left) * BLOCK, 3), np.float32)
+    summed, cover = np.zeros(total.shape[:2], np.float32), np.zeros(total.shape[:2], np.float32)
     for view in np.unique(views[views >= 0]):
         shot, image = shots[int(view)], load(int(view))
         if image is None:
@@ -90,13 +90,15 @@ def _tile(
         r, c = _extent(mine.any(axis=1), top), _extent(mine.any(axis=0), left)
         r, c = (max(r[0], top), min(r[1], bottom)), (max(c[0], left), min(c[1], right))
         colour, valid = _project(canvas, r, c, shot, lens, image)
-        share = valid * enlarge(mine[r[0] - top : r[1] - top + 2, c[0] - left : c[1] - left + 2].astype(np.float32))
+        near = enlarge(mine[r[0] - top : r[1] - top + 2, c[0] - left : c[1] - left + 2].astype(np.float32))
+        share = np.asarray(cv2.multiply(near, valid, scale=1 / 255, dtype=cv2.CV_32F))
         weight = _steep(share) + 1e-3 * share  # the latter where more than two views meet and none has half a share
         place = slice((r[0] - top) * BLOCK, (r[1] - top) * BLOCK), slice((c[0] - left) * BLOCK, (c[1] - left) * BLOCK)
         cover[place] += share
-        total[place][..., :3] += colour * weight[..., None]
-        total[place][..., 3] += weight
-    return _to_uint8(total[..., :3] / np.maximum(total[..., 3:], 1e-6)), _to_uint8(_steep(cover) * 255)
+        total[place] += cv2.multiply(colour, cv2.merge([weight] * 3))
+        summed[place] += weight
+    picture = cv2.divide(total, cv2.merge([np.maximum(summed, 1e-6)] * 3), dtype=cv2.CV_8U)
+    return np.asarray(picture), _to_uint8(_steep(cover) * 255)
 
 
 def _steep(share: Grid) -> Grid:
@@ -109,21 +111,20 @@ def _extent(any_in: NDArray[np.bool_], start: int) -> Range:
     return int(found[0]) - 2 + start, int(found[-1]) + 1 + start
 
 
-def _project(canvas: Canvas, rows: Range, columns: Range, shot: Shot, lens: Lens, image: Image) -> tuple[Grid, Grid]:
-    """Colours (h, w, 3), exposure compensated, and validity (h, w) of the texels of some blocks in one image."""
+def _project(canvas: Canvas, rows: Range, columns: Range, shot: Shot, lens: Lens, image: Image) -> tuple[Grid, Image]:
+    """Colours (h, w, 3), exposure compensated, of the texels of some blocks in an image; 255 (h, w) where it has."""
     nodes = canvas.nodes(rows, columns)
     local = shot.map_from_camera.inverse().apply(nodes.reshape(-1, 3))
     at_nodes = lens.project(local).reshape(*nodes.shape[:2], 2)
     light = shot.exposure.light(np.minimum(lens.radius_of(at_nodes), 1.0))
     pixels = enlarge(at_nodes.astype(np.float32))
-    x, y = pixels[..., 0], pixels[..., 1]
-    inside = (x >= 0) & (y >= 0) & (x <= image.shape[1] - 1) & (y <= image.shape[0] - 1)
+    inside = cv2.inRange(pixels, (0.0, 0.0, 0.0, 0.0), (image.shape[1] - 1.0, image.shape[0] - 1.0, 0.0, 0.0))
     source = pyramid(image, shot.level + 1)[-1]
     at = at_level(pixels, image, source)
     colour = cv2.remap(source, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     gain = np.log(shot.exposure.gains[shot.view]) - np.nan_to_num(light)[..., None]
     factor = enlarge(np.exp(shot.correction.at(rows, columns) + gain.astype(np.float32)))
-    return np.asarray(colour * factor), inside.astype(np.float32)
+    return np.asarray(cv2.multiply(colour, factor, dtype=cv2.CV_32F)), np.asarray(inside)
 
 
 def best_level(footprint: Sequence[float] | Array) -> int:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from recon.geometry import Array
-from recon.holes import wall_heights
+from recon.holes import rooms_before, wall_heights
 from recon.model import Layout, Wall
 from recon.plan import DRAWN_THICKNESS
 from recon.strips import Strip, grouped_strips, strips_of
@@ -41,9 +41,10 @@ class WallSolid:
     """A wall that stands on the floor.
 
     start, end: (2,) m, map frame: its middle line. thickness: m, across; seen: m of its length along which both faces
-    were seen; where that is 0, the thickness is assumed. footprint: the ground it takes, in no room and in no other
-    wall. front, back: its faces, those whose free space lies to the left of the middle line first. height: m. flat:
-    the rooms on both sides touch, so that no ground is left for the wall: it stands FLAT / 2 in each.
+    were seen; where that is 0, the thickness is assumed. footprint: the ground it takes, in no other wall and in no
+    room but one that it stands in, as pillars do. front, back: its faces, those whose free space lies to the left of
+    the middle line first. height: m. flat: the rooms on both sides touch, so that no ground is left for the wall: it
+    stands FLAT / 2 in each.
     """
 
     start: Array
@@ -83,13 +84,10 @@ def wall_solids(layout: Layout) -> tuple[WallSolid, ...]:
     Faces of no extent have none. Corners go to the longer wall. A wall of which only one face was seen is
     `recon.plan.DRAWN_THICKNESS` thick.
     """
-    import shapely
-
     walls = [wall for wall in layout.walls if wall.length > CORNER]
     groups = [_Group(walls, strips) for strips in grouped_strips(strips_of(walls))]
     ends = _corner_depths(walls, groups)
-    bodies = [group.body(ends) for group in groups]
-    bodies = _without(bodies, [areas(shapely.make_valid(shapely.Polygon(room.polygon))) for room in layout.rooms])
+    bodies = _without(layout, groups, [group.body(ends) for group in groups])
     order = sorted(range(len(groups)), key=lambda n: (-groups[n].seen, -groups[n].length, n))
     heights = wall_heights(layout)
     out: list[WallSolid] = []
@@ -135,6 +133,11 @@ class _Group:
         self.leader = walls[max(strips, key=lambda s: (s.length, -s.face)).face]
         self.length = max(s.length for s in strips)
 
+    @property
+    def faces(self) -> list[Wall]:
+        """By their place in the layout."""
+        return [self.walls[f] for f in sorted({strip.face for strip in self.strips})]
+
     def body(self, corners: dict[tuple[int, bool], float]) -> BaseGeometry:
         """Ground behind all strips, carried on past the corners of rooms by the depth of the walls there."""
         import shapely
@@ -153,7 +156,7 @@ class _Group:
         """One part of the body; None where none of the faces is beside it."""
         import shapely
 
-        chosen = [self.walls[f] for f in sorted({strip.face for strip in self.strips})]
+        chosen = self.faces
         lines = shapely.linestrings(np.array([[w.start, w.end] for w in chosen]))
         beside = shapely.length(shapely.intersection(lines, footprint.buffer(BESIDE))) > CORNER
         touching = [wall for wall, yes in zip(chosen, beside, strict=True) if yes]
@@ -200,14 +203,20 @@ def _corner_depths(walls: Sequence[Wall], groups: Sequence[_Group]) -> dict[tupl
     return out
 
 
-def _without(bodies: list[BaseGeometry], rooms: list[BaseGeometry]) -> list[BaseGeometry]:
-    """Bodies less the rooms that they reach into."""
+def _without(layout: Layout, groups: Sequence[_Group], bodies: list[BaseGeometry]) -> list[BaseGeometry]:
+    """Bodies less the rooms that they reach into, but for one that they stand in: rooms have no holes for pillars."""
     import shapely
 
+    rooms = [areas(shapely.make_valid(shapely.Polygon(room.polygon))) for room in layout.rooms]
+    before, index = rooms_before(layout), {room.id: k for k, room in enumerate(layout.rooms)}
     tree = shapely.STRtree(rooms)
     out = []
-    for body in bodies:
+    for group, body in zip(groups, bodies, strict=True):
+        fronts = {index[room.id] for face in group.faces if (room := before[face.id]) is not None}
+        whole = body.area
         for k in np.sort(tree.query(body, predicate="intersects")):
+            if k in fronts and shapely.intersection(body, rooms[k], grid_size=GRID).area > 0.5 * whole:
+                continue
             body = areas(shapely.difference(body, rooms[k], grid_size=GRID))
         out.append(body)
     return out

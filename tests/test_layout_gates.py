@@ -31,15 +31,17 @@ def _walls(*ends: tuple[float, float, float, float]) -> list[PlanLine]:
 BOX = ((0.0, 0.0, 10.0, 0.0), (10.0, 0.0, 10.0, 4.0), (10.0, 4.0, 0.0, 4.0), (0.0, 4.0, 0.0, 0.0))
 
 
-def _areas(*partitions: tuple[float, float, float, float], path: Array = PATH) -> list[float]:
+def _areas(
+    *partitions: tuple[float, float, float, float], path: Array = PATH, front: PlanLine | None = None
+) -> list[float]:
     """Areas of the rooms of a box of 10 m by 4 m with partitions in it."""
-    lines = with_gates(_walls(*BOX, *partitions), SPACE)
+    lines = with_gates([*_walls(*BOX, *partitions), *([front] if front else [])], SPACE)
     lines += frontier_lines(SPACE, lines)
     cells = cut_plane(lines, np.array([-1.0, -1.0]), np.array([11.0, 5.0]))
     middles = shapely.point_on_surface(cells.polygons)
     inside = shapely.contains(shapely.box(0, 0, 10, 4), middles)
     support, nothing = supports(cells, lines)[:, 0], np.zeros(len(inside), np.bool_)
-    found, _ = regions(cells, lines, inside, support, cells.spans(lines), nothing, path)
+    found, _ = regions(cells, lines, inside, support, cells.spans(lines), nothing, path, SPACE)
     return [region.polygon.area for region in found]
 
 
@@ -74,3 +76,11 @@ def test_between_two_walls_that_go_through_is_a_corridor_and_no_door() -> None:
     assert _areas((0.0, 2.0, 3.9, 2.0), (5.7, 2.0, 10.0, 2.0), *corridor, path=np.array([[4.8, 1.0]])) == pytest.approx(
         [8.8, 8.8, 8.0, 8.0, 6.4]
     )
+
+
+def test_a_wall_ends_where_a_corridor_leaves_it() -> None:
+    seen = np.array([[0.0, 1.5], [3.3, 10.0]])
+    front = PlanLine(np.array([0.0, 2.0]), np.array([1.0, 0.0]), seen, NONE, 0.01, 0.01, "lidar", 9)
+    assert _areas(front=front) == pytest.approx([20.0, 20.0])
+    with_arm = _areas((3.3, 2.0, 3.3, 4.0), front=front)
+    assert len(with_arm) == 2 and max(with_arm) > 25.0 and sum(with_arm) == pytest.approx(40.0)

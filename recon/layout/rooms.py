@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from recon.geometry import Array
 from recon.layout.cells import Cells
+from recon.layout.evidence import FreeSpace
 from recon.layout.line import PlanLine, coverage, crossings, union
 
 WALL_SHARE = 0.5
@@ -24,6 +25,14 @@ NARROWEST = 0.6
 """m, of a corridor."""
 THROUGH = 0.3
 """m of a wall on either side of a line that it goes through."""
+AWAY, ALL_BUT = 0.6, 0.9
+"""m of a wall that goes away from a line, deeper than walls are thick, and the share of it that was seen ..."""
+JAMB = 0.2
+"""... from this near, m, to a gap's end on: the side wall of a corridor ..."""
+WIDEST_DOOR = 1.4
+"""... where rays went through more than a door's width, m."""
+SAMPLES = 60
+"""Places in a gap where rays are looked for."""
 STEEP = float(np.sin(np.radians(15.0)))
 SMALLEST = 1.0
 """m^2"""
@@ -51,6 +60,7 @@ def regions(
     spans: Array,
     glanced: NDArray[np.bool_],
     path: Array,
+    space: FreeSpace,
 ) -> tuple[list[Region], NDArray[np.bool_]]:
     """Rooms, largest first, and (E,) the edges that are walls between inside cells.
 
@@ -63,7 +73,7 @@ def regions(
     wall = support >= WALL_SHARE * np.maximum(cells.lengths, 1e-9)
     has_wall = np.isin(cells.line, cells.line[wall])
     glance = has_wall & (glanced[cells.left] != glanced[cells.right])
-    parting = both & (wall | glance | _walled(cells, spans, lines))
+    parting = both & (wall | glance | _walled(cells, spans, lines, space))
     doorways = both & ~parting & _gated(cells, spans, lines)
     label = _components(cells, both & ~parting & ~doorways)
     label = _with_niches(cells, label, doorways, both & ~wall, inside, support, path)
@@ -124,45 +134,59 @@ def _with_niches(
     return label
 
 
-def _closed(support: Array, crossed: Array) -> Array:
+def _closed(line: PlanLine, through: Array, leaving: Array, space: FreeSpace) -> Array:
     """Supported stretches (K, 2) of a line joined over gaps of a door's width, if there is enough wall beside.
 
-    Between two walls that go through the line in such a gap (`crossed` (n,)) is a corridor, and no door.
+    Between two walls that go through the line in such a gap (`through` (n,)) is a corridor, and no door; beside one
+    that goes away from the line at a wide gap's end (`leaving` (m,)) a corridor begins.
     """
-    joined = [list(support[0])]
-    for low, high in support[1:]:
-        gap = low - joined[-1][1]
-        beside = (joined[-1][1] - joined[-1][0]) + (high - low) >= BESIDE_GAP * gap
-        between = crossed[(joined[-1][1] < crossed) & (crossed < low)]
-        if gap <= PASSAGE and beside and not (len(between) and np.ptp(between) > NARROWEST):
-            joined[-1][1] = high
+    joined = [list(line.support[0])]
+    for low, high in line.support[1:]:
+        last = joined[-1]
+        gap = low - last[1]
+        beside = (last[1] - last[0]) + (high - low) >= BESIDE_GAP * gap
+        between = through[(last[1] < through) & (through < low)]
+        crossed = len(between) > 0 and np.ptp(between) > NARROWEST
+        passed = gap * space.is_free(line.point(np.linspace(last[1], low, SAMPLES))).mean()
+        mouth = passed > WIDEST_DOOR and np.abs(leaving[:, None] - [last[1], low]).min(initial=np.inf) <= JAMB
+        if gap <= PASSAGE and beside and not crossed and not mouth:
+            last[1] = high
         else:
             joined.append([low, high])
     return np.array(joined)
 
 
-def _crossed(lines: list[PlanLine]) -> list[Array]:
-    """For every line the places along it where walls cross it that were seen on both sides of it."""
+def _crossed(lines: list[PlanLine]) -> list[tuple[Array, Array]]:
+    """For every line the places in its gaps, and at their ends, where walls go through it and away from it."""
     position, sine = crossings(lines)
+    seen = np.array([len(line.support) > 0 for line in lines])
     out = []
-    for k in range(len(lines)):
-        near = np.flatnonzero((sine[k] > STEEP) & [len(line.support) > 0 for line in lines])
-        at = position[near, k]
-        through = [
-            all(coverage(lines[n].support, np.array([t - THROUGH, t]), np.array([t, t + THROUGH])) > THROUGH / 2)
-            for n, t in zip(near, at, strict=True)
-        ]
-        out.append(position[k, near[np.array(through, dtype=bool)]])
+    for k, line in enumerate(lines):
+        narrow = line.support[1:, 0] - line.support[:-1, 1] <= PASSAGE
+        low, high = line.support[:-1, 1][narrow] - JAMB, line.support[1:, 0][narrow] + JAMB
+        at = position[k][:, None]
+        near = np.flatnonzero((sine[k] > STEEP) & seen & ((low < at) & (at < high)).any(axis=1))
+        runs = np.array([_run(lines[n].support, position[n, k]) for n in near]).reshape(-1, 2, 2)
+        through = (runs[:, :, 0] > THROUGH / 2).all(axis=1)
+        leaving = (runs[:, :, 1] > ALL_BUT * AWAY).any(axis=1)
+        out.append((position[k, near[through]], position[k, near[leaving]]))
     return out
 
 
-def _walled(cells: Cells, spans: Array, lines: list[PlanLine]) -> NDArray[np.bool_]:
+def _run(support: Array, place: float) -> Array:
+    """(2, 2) m of wall before and after a place on a line, within `THROUGH` and within `AWAY` of it."""
+    reach = np.array([THROUGH, AWAY])
+    at = np.full(2, place)
+    return np.stack([coverage(support, at - reach, at), coverage(support, at, at + reach)])
+
+
+def _walled(cells: Cells, spans: Array, lines: list[PlanLine], space: FreeSpace) -> NDArray[np.bool_]:
     """(E,) edges that a wall covers, with its doors and passages."""
     walled = np.zeros(len(cells.edges), np.bool_)
-    for line, on, crossed in zip(lines, cells.of_lines(len(lines)), _crossed(lines), strict=True):
+    for line, on, places in zip(lines, cells.of_lines(len(lines)), _crossed(lines), strict=True):
         if len(line.support) and len(on):
             low, high = spans[on].T
-            walled[on] = coverage(_closed(line.support, crossed), low, high) >= WALL_SHARE * (high - low)
+            walled[on] = coverage(_closed(line, *places, space), low, high) >= WALL_SHARE * (high - low)
     return walled
 
 

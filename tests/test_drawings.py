@@ -294,7 +294,7 @@ ODD: dict[str, Callable[[], Model]] = {
     "hole": keyhole,
     "names": odd_names,
     "far away": lambda: dataclasses.replace(two_rooms(), layout=turned(two_rooms().layout, 2.2)),
-    "many": lambda: grid(5),
+    "many": lambda: grid(4),
 }
 
 
@@ -332,10 +332,10 @@ def test_storeys_have_layers_sheets_and_heights_of_their_own(building: Model, tm
     )
 
 
-def test_same_model_same_bytes(building: Model, tmp_path: Path) -> None:
+def test_same_model_same_bytes(tmp_path: Path) -> None:
     for suffix in DRAWINGS:
         for name in ("a", "b"):
-            export(building, tmp_path / f"{name}{suffix}")
+            export(two_rooms(), tmp_path / f"{name}{suffix}")
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes(), suffix
 
 
@@ -356,7 +356,7 @@ def test_floorplan_refuses_in_one_line(arguments: tuple[str, ...], said: str, tm
 
 
 def test_floorplan_draws_the_plan_of_a_drive(tmp_path: Path) -> None:
-    plan = random_plan(3, 2)
+    plan = random_plan(3, 1)
     simulation = run_simulation(dataclasses.replace(plan, camera=dataclasses.replace(plan.camera, rate=0.0)), 3)
     (tmp_path / "drive").mkdir()
     write_scans(tmp_path / "drive" / "scans.npz", simulation.scans)

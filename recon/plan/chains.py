@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from recon.geometry import Array
+from recon.model import Dimension as Distance
 from recon.model import Layout, Wall
 from recon.plan.drawing import Dimension, Text
 from recon.plan.inner import CLEAR, figures
@@ -27,6 +28,8 @@ BEYOND = 1.5
 """mm of an extension line on either side of the dimension line; they are short, so that texts lie clear of them."""
 SQUARE = float(np.sin(np.radians(3.0)))
 """Walls may be turned this far against the chain."""
+SAME = 0.0005
+"""m; a distance along the chain that differs by less from that of two faces is that."""
 LEAST = 0.4
 """Share of the side that chains measure, at least; else there are none."""
 NEAREST = 0.03
@@ -77,7 +80,7 @@ def draw_chains(
 ) -> Iterator[Dimension]:
     """The dimensions of one side; low: m, where the building ends on it, in the side's own frame."""
     mm = scale / 1000
-    sigmas = {frozenset(d.walls): d.sigma for d in layout.dimensions}
+    joint = {frozenset(d.walls): d for d in layout.dimensions}
     drawn = []
     for number, row in enumerate(chains.rows):
         y = low - (FIRST + STEP * number) * mm
@@ -89,10 +92,11 @@ def draw_chains(
             for taken in (drawn[-1][2], *extensions):
                 lines.add(taken)
     for a, b, line, extensions in drawn:
-        sigma = _sigma(a, b, sigmas) if options.sigmas else None
+        known = _known(a, b, joint)
+        sigma = _sigma(a, b, known) if options.sigmas else None
         text = _text(a, b, line, sigma, options, mm, texts, lines)
         start, end = (stop.point @ chains.turn for stop in (a, b))
-        walls = frozenset(stop.wall.id for stop in (a, b) if stop.wall is not None)
+        walls = frozenset(known.walls) if known is not None else frozenset[int]()
         yield Dimension(DIMENSIONS, start, end, line, text, sigma, extensions, walls)
 
 
@@ -113,14 +117,22 @@ def _text(
     return None
 
 
-def _sigma(a: Stop, b: Stop, joint: dict[frozenset[int], float]) -> float | None:
-    """One standard deviation of the distance of two faces, m: from their joint covariance, else what it is at most.
+def _known(a: Stop, b: Stop, joint: dict[frozenset[int], Distance]) -> Distance | None:
+    """The layout's own distance of the two faces, where it is the one along the chain."""
+    if a.wall is None or b.wall is None:
+        return None
+    distance = joint.get(frozenset((a.wall.id, b.wall.id)))
+    return distance if distance is not None and abs(distance.distance - (b.x - a.x)) < SAME else None
+
+
+def _sigma(a: Stop, b: Stop, known: Distance | None) -> float | None:
+    """One standard deviation of the distance, m: from the walls' joint covariance, else what it is at most.
 
     At most it is the sum of both standard deviations, whatever their correlation (Minkowski). None: not known.
     """
     if a.wall is None or b.wall is None or "inferred" in (a.wall.source, b.wall.source):
         return None
-    sigma = joint.get(frozenset((a.wall.id, b.wall.id)), _own(a.wall) + _own(b.wall))
+    sigma = known.sigma if known is not None else _own(a.wall) + _own(b.wall)
     return sigma if np.isfinite(sigma) and sigma > 0 else None
 
 

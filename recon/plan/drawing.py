@@ -82,7 +82,7 @@ class Dimension:
 
     text: None where there is no room for it. sigma: m, None where it is not known. extensions: lines (2, 2) across the
     ends of the dimension line, none where that runs from wall to wall. walls: ids of both,
-    where both ends are walls.
+    where this is the distance of two faces of a room.
     """
 
     layer: Layer

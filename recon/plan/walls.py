@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from recon.geometry import Array
-from recon.model import Dimension, Layout, Opening, Wall
+from recon.model import Layout, Opening, Wall
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 DRAWN_THICKNESS = 0.12
 """m behind a wall's face that drawings fill; how thick a wall is cannot be seen from one side."""
-_SAME_WAY = np.cos(np.radians(20.0))
 THICKEST_FILLED = 0.45
 """m between the faces of two rooms that still make one solid wall."""
 _FLATTEST_CORNER = float(np.sin(np.radians(1.0)))
@@ -32,22 +31,6 @@ def dominant_angle(layout: Layout) -> float:
     fourfold = np.arctan2(steps[:, 1], steps[:, 0]) * 4
     weights = np.linalg.norm(steps, axis=1)
     return float(np.angle((weights * np.exp(1j * fourfold)).sum()) / 4)
-
-
-def drawn_dimensions(layout: Layout) -> list[Dimension]:
-    """Of the dimensions of every room the longest along each of its directions: what a plan has room for."""
-    kept: list[Dimension] = []
-    for dimension in sorted(layout.dimensions, key=lambda d: (d.room, -d.distance)):
-        way = (dimension.end - dimension.start) / dimension.distance
-        before = [(d.end - d.start) / d.distance for d in kept if d.room == dimension.room]
-        if all(abs(float(way @ other)) < _SAME_WAY for other in before):
-            kept.append(dimension)
-    return kept
-
-
-def sigma_text(sigma: float) -> str:
-    """A standard deviation (m) as plans print it: in whole millimetres, rounded up."""
-    return f"±{np.ceil(sigma * 1000 - 1e-6) / 1000:.3f}"
 
 
 def opening_span(opening: Opening, wall: Wall) -> tuple[float, float]:

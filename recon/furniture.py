@@ -27,8 +27,8 @@ OVERLAP = 0.2
 """Share of the thing's length within which the wall behind may have been seen."""
 OUTSIDE = 0.8
 """Share of the footprint that no room holds."""
-MARGIN = 0.12
-"""m before and beside a footprint within which returns are the thing's."""
+MARGIN = 0.05
+"""m before and beside a footprint within which lines are the thing's."""
 BACK = 0.4
 """Share of the depth, from the wall behind, in which lines are the wall's."""
 SLIT = 0.02

@@ -10,12 +10,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from recon.furniture import MARGIN, PARALLEL, Furniture
+from recon.furniture import PARALLEL, Furniture
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
 from recon.layout.line import PlanLine, subtract, union
 from recon.model import FloorObject
 
+AROUND = 0.12
+"""m around a footprint within which returns are the thing's."""
 AGAINST = 0.15
 """m from the back of a footprint to the line of the wall behind it."""
 SAMPLE = 0.02
@@ -59,7 +61,7 @@ def filled(space: FreeSpace, things: Sequence[Furniture]) -> NDArray[np.bool_]:
 
 def with_furniture(objects: Sequence[FloorObject], things: Sequence[Furniture]) -> list[FloorObject]:
     """Objects, those that are parts of things replaced by these; ids are counted anew."""
-    grown = shapely.union_all([thing.polygon.buffer(MARGIN, join_style="mitre") for thing in things])
+    grown = shapely.union_all([thing.polygon.buffer(AROUND, join_style="mitre") for thing in things])
     kept = [item for item in objects if not grown.contains(shapely.Polygon(item.footprint).centroid)]
     kept += [FloorObject(0, thing.clear_footprint) for thing in things]
     return [replace(item, id=k) for k, item in enumerate(kept)]

@@ -16,8 +16,15 @@ from shapely.geometry import shape
 from two_rooms import two_rooms
 from walled_plans import drive, odd_models, row_of_rooms
 
+from recon.errors import InputError
 from recon.exporters import export
+from recon.graph.estimate import MapEstimate
+from recon.layout_json import layout_to_json
 from recon.model import Model
+from recon.occupancy import save_occupancy
+from recon.results.accuracy import write_accuracy
+from recon.results.reader import load_model
+from recon.sequence.tum import as_written, write_planar
 
 
 def read(path: Path) -> Any:
@@ -89,6 +96,31 @@ def test_trajectories_as_other_readers_read_them(tmp_path: Path) -> None:
     export(replace(model, pose_sigmas=np.zeros((0, 3))), tmp_path / "drive.csv")
     with (tmp_path / "drive.csv").open(newline="") as file:
         assert [row["sigma_x"] for row in csv.DictReader(file)] == ["", "", ""]
+
+
+def test_the_drive_of_a_result_is_the_one_that_was_built(tmp_path: Path) -> None:
+    trajectory, sigmas, grid = drive()
+    kept = as_written(trajectory)
+    (tmp_path / "layout.json").write_text(json.dumps(layout_to_json(two_rooms().layout)), encoding="utf-8")
+    (tmp_path / "model.json").write_text(json.dumps({"version": 1, "name": "m", "notes": [], "faces": []}))
+    write_planar(tmp_path / "trajectory.txt", trajectory)
+    write_accuracy(tmp_path, MapEstimate(trajectory, sigmas, ()))
+    save_occupancy(grid, tmp_path)
+    model = load_model(tmp_path)
+    assert model.trajectory is not None
+    assert (model.trajectory.poses == kept.poses).all()
+    assert (model.trajectory.timestamps == kept.timestamps).all()
+    np.testing.assert_allclose(kept.poses, trajectory.poses, atol=1e-6)
+    built = replace(two_rooms(), name="m", trajectory=kept, pose_sigmas=sigmas, occupancy=grid)
+    for suffix in (".tum", ".csv", ".yaml"):
+        export(model, tmp_path / f"a{suffix}")
+        export(built, tmp_path / f"b{suffix}")
+        first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in "ab")
+        assert first.replace(b"a.pgm", b"b.pgm") == second
+    lines = (tmp_path / "pose_sigmas.txt").read_text().splitlines()
+    (tmp_path / "pose_sigmas.txt").write_text("\n".join(lines[:-1]) + "\n")
+    with pytest.raises(InputError, match=r"2 rows in pose_sigmas.txt, expected 3"):
+        load_model(tmp_path)
 
 
 @pytest.mark.parametrize("name", odd_models())

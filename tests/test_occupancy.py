@@ -77,7 +77,8 @@ def test_map_of_a_simulated_office_is_the_office(tmp_path: Path) -> None:
     seen = (found.at(along_walls(layout, 0.1)) != UNKNOWN) & (near < 4.0)  # some were only glanced at from far away
     assert seen.mean() > 0.5
     # At a wall or in the cell before or behind it something stands, a step before it nothing.
-    at_wall = np.stack([found.at(along_walls(layout, off)) == OCCUPIED for off in (-0.05, 0.0, 0.05)]).any(axis=0)
+    around = np.stack([found.at(along_walls(layout, off)) for off in (-0.05, 0.0, 0.05)])
+    at_wall: Array = (around == OCCUPIED).max(axis=0)
     assert at_wall[seen].mean() > 0.97
     assert (found.at(along_walls(layout, 0.25))[seen] == FREE).mean() > 0.97
     assert (found.at(along_walls(layout, -0.12)) == FREE).mean() < 0.01  # inside walls

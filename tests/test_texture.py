@@ -383,10 +383,10 @@ def test_notes_say_what_pictures_lack() -> None:
     assert texture_notes((), COARSE) == ()
 
 
-@given(st.integers(0, 2**31), st.floats(2, 8))
+@given(st.integers(0, 2**31), st.floats(1, 8))
 @settings(max_examples=10)
-def test_what_is_filled_has_the_grain_of_what_was_seen(seed: int, noise: float) -> None:
-    """A plain wall with a gaudy poster: the grain is that of the plain part, and repeats without an edge."""
+def test_what_is_filled_is_as_grainy_as_what_was_seen(seed: int, noise: float) -> None:
+    """A plain wall with a gaudy poster: the grain is as strong as in the plain part, and repeats without an edge."""
     rng = np.random.default_rng(seed)
     picture = (140 + rng.normal(0, noise, (300, 400, 1)) + np.zeros(3)).clip(0, 255).astype(np.uint8)
     picture[:150, :150] = rng.integers(0, 256, (150, 150, 3))
@@ -394,9 +394,10 @@ def test_what_is_filled_has_the_grain_of_what_was_seen(seed: int, noise: float) 
     alpha[:, 250:] = 0
     found = grain(picture, alpha)
     assert found is not None
-    assert found.std() == pytest.approx(noise, rel=0.15)
-    assert abs(found.mean()) < 0.2 * noise
-    assert np.array_equal(found[0], found[-1]) and np.array_equal(found[:, 0], found[:, -1])
+    assert found.std() == pytest.approx(min(noise, 3.0), rel=0.35)
+    assert abs(found.mean()) < 0.05
+    inner, edge = np.abs(np.diff(found, axis=0)).mean(), np.abs(found[0] - found[-1]).mean()
+    assert edge == pytest.approx(inner, rel=0.35)
     whole = repeated(found, slice(10, 400), slice(500, 800))
     assert whole.shape == (390, 300)
     assert whole[0, 0] == found[10, 500 % found.shape[1]]

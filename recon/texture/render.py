@@ -139,7 +139,7 @@ def _to_uint8(values: Grid | Array) -> Image:
 def _fill(picture: Image, alpha: Image) -> None:
     """Gives the unseen texels of the picture, in place, the smooth continuation of the blocks around them.
 
-    The fine structure of what was seen lies on top.
+    Noise as strong as in what was seen lies on top.
     """
     if not (alpha < 255).any() or not alpha.any():
         return

@@ -55,7 +55,18 @@ def test_every_command_has_help_with_examples() -> None:
 
     from recon.cli.main import recon
 
-    assert sorted(recon.commands) == ["bench", "build", "check", "convert", "eval", "export", "inspect", "simulate"]
+    assert sorted(recon.commands) == [
+        "bench",
+        "build",
+        "check",
+        "convert",
+        "eval",
+        "export",
+        "floorplan",
+        "inspect",
+        "simulate",
+        "view",
+    ]
     for name in recon.commands:
         result = CliRunner().invoke(recon, [name, "--help"])
         assert result.exit_code == 0

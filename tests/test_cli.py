@@ -104,7 +104,7 @@ def test_five_lines_say_what_was_found(
 def test_report_is_opened_first_and_an_unseen_ceiling_is_said(
     tiny_sequence: Path, tmp_path: Path, run_recon: Any, stand_in: Callable[..., None]
 ) -> None:
-    def save(_build: StandInBuild, folder: Path) -> None:
+    def save(_build: StandInBuild, folder: Path, _outputs: Any) -> None:
         folder.mkdir()
         (folder / "report.html").write_text("")
 
@@ -143,7 +143,7 @@ def test_interruption_leaves_nothing_half_written(
         os.kill(os.getpid(), signal.SIGINT)
         signal.sigtimedwait([], 1)
 
-    def half_saved(_build: Any, folder: Path) -> None:
+    def half_saved(_build: Any, folder: Path, _outputs: Any) -> None:
         with atomic_path(folder) as temporary:
             temporary.mkdir()
             (temporary / "layout.json").write_text("{")
@@ -186,7 +186,7 @@ def test_bugs_keep_their_traceback(
 def test_full_disk_is_one_line(
     tiny_sequence: Path, tmp_path: Path, run_recon: Any, stand_in: Callable[..., None]
 ) -> None:
-    def full(_build: Any, folder: Path) -> None:
+    def full(_build: Any, folder: Path, _outputs: Any) -> None:
         raise OSError(28, "No space left on device", str(folder))
 
     stand_in(lambda *_: StandInBuild(square_room()), full)

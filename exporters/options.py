@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -45,7 +45,7 @@ class ExportOptions:
     engine: Engine | None = None
     usd_profile: UsdProfile | None = None
     stl_units: StlUnits = "m"
-    drawing: DrawingOptions = DrawingOptions()
+    drawing: DrawingOptions = field(default_factory=DrawingOptions)
 
 
 DEFAULTS = ExportOptions()

@@ -62,7 +62,10 @@ class StandInBuild:
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """`stand_in(build=..., save=...)`: what `recon build` calls instead of the pipeline and of writing a result."""
 
-    def replace(build: Callable[..., Any], save: Callable[..., None] = lambda _build, folder, _outputs: folder.mkdir()) -> None:
+    def save_nothing(_build: Any, folder: Path, _outputs: Any) -> None:
+        folder.mkdir()
+
+    def replace(build: Callable[..., Any], save: Callable[..., None] = save_nothing) -> None:
         for name, attribute, function in (("pipeline", "build", build), ("results", "save_result", save)):
             module = ModuleType(f"recon.{name}")
             setattr(module, attribute, function)

@@ -17,9 +17,9 @@ from recon.files import read_text
 from recon.geometry import Array
 from recon.layout_json import layout_from_json
 from recon.model import Face, Layout, Model
-from recon.results.sources import read_sources
 from recon.occupancy import load_occupancy
 from recon.results.accuracy import read_sigmas
+from recon.results.sources import read_sources
 from recon.sequence.trajectory import Trajectory
 from recon.sequence.tum import read_planar
 
@@ -50,7 +50,8 @@ def _drive(folder: Path) -> tuple[Trajectory | None, Array]:
     trajectory = read_planar(path) if path.exists() else None
     sigmas = read_sigmas(folder)[:, 1:]
     if trajectory is not None and len(sigmas) not in (0, len(trajectory)):
-        raise InputError(f"{folder}: {len(sigmas)} rows in pose_sigmas.txt, expected {len(trajectory)} as in {path.name}")
+        count = len(trajectory)
+        raise InputError(f"{folder}: {len(sigmas)} rows in pose_sigmas.txt, expected {count} as in {path.name}")
     return trajectory, sigmas
 
 

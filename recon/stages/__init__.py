@@ -1,0 +1,1 @@
+"""What the pipeline calls: each step of a build, counted and timed, with what it warns of."""

@@ -68,7 +68,8 @@ class TexturedScene:
     """Faces that can be drawn.
 
     pixel_angle: rad between the rays of neighbouring pixels; or pixel_size: m between them where rays are parallel.
-    shades: for each face a factor on its colours at points, or None for no shading.
+    shades: for each face a factor on its colours at points, or None for no shading. edge_samples: as EDGE_SAMPLES; 1
+    for jagged edges, soon drawn.
     """
 
     def __init__(
@@ -77,9 +78,10 @@ class TexturedScene:
         pixel_angle: float = 0.0,
         pixel_size: float = 0.0,
         shades: list[Callable[[Array], Array]] | None = None,
+        edge_samples: int = EDGE_SAMPLES,
     ) -> None:
         self._faces, self._shades = faces, shades
-        self._angle, self._size = pixel_angle, pixel_size
+        self._angle, self._size, self._samples = pixel_angle, pixel_size, edge_samples
         self._colours = [FaceColours(face) for face in faces]
         self._normals = np.array([face.normal for face in faces]).reshape(-1, 3)
         self._scene = RayScene(faces)
@@ -91,13 +93,15 @@ class TexturedScene:
         flat = canvas.reshape(-1, 3)
         hits = self.cast(rays, grid)
         out = self.colours(hits, flat)
+        if self._samples == 1:
+            return out.reshape(canvas.shape)
         edges = _edges(hits.face.reshape(height, width)).ravel()
-        steps = (np.arange(EDGE_SAMPLES) + 0.5) / EDGE_SAMPLES - 0.5
+        steps = (np.arange(self._samples) + 0.5) / self._samples - 0.5
         total = np.zeros((int(edges.sum()), 3), np.float32)
         for dx in steps:
             for dy in steps:
                 total += self.colours(self.cast(rays, grid[edges] + [dx, dy]), flat[edges])
-        out[edges] = total / EDGE_SAMPLES**2
+        out[edges] = total / self._samples**2
         return out.reshape(canvas.shape)
 
     def cast(self, rays: Rays, pixels: Array) -> Hits:

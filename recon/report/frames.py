@@ -11,7 +11,6 @@ import numpy as np
 
 from recon.evaluate.fidelity import Mask, Picture, fidelity, fit_exposure
 from recon.evaluate.views import side_by_side
-from recon.model import Model
 from recon.render import TexturedScene, render_scene
 from recon.report.html import data_address, figure, jpeg, section
 from recon.sequence.camera import Camera
@@ -20,13 +19,13 @@ from recon.sequence.images import load_image
 if TYPE_CHECKING:
     from recon.pipeline import Build
 
-LOOKED_AT = 60
+LOOKED_AT = 30
 """Images compared with the model, evenly over the drive."""
 SMALL = 160
 """Pixels, the width at which they are."""
 SHOWN = 3
-"""Of the worst, and of the best."""
-LARGEST = 640
+"""Of the worst."""
+LARGEST = 480
 """Pixels, the width of a photo that is shown."""
 
 
@@ -52,7 +51,7 @@ def _compared(build: Build) -> str:
     images, camera = build.sequence.images, build.sequence.camera
     assert images is not None and camera is not None
     size = min(LARGEST, camera.width)
-    scene = _scene(build.model, shrunk(camera, size))
+    scene = TexturedScene(build.model.faces, pixel_angle=_pixel_angle(shrunk(camera, size)))
     shown = []
     for frame in chosen:
         pair = _pair(build, scene, shrunk(camera, size), frame.index)
@@ -73,7 +72,7 @@ def _scores(build: Build) -> list[_Frame]:
         return []
     posed = [i for i, pose in enumerate(build.map_from_camera) if pose is not None]
     small = shrunk(camera, min(SMALL, camera.width))
-    scene, out = _scene(build.model, small), []
+    scene, out = TexturedScene(build.model.faces, pixel_angle=_pixel_angle(small), edge_samples=1), []
     for i in np.unique(np.linspace(0, len(posed) - 1, min(LOOKED_AT, len(posed))).astype(int)):
         pair = _pair(build, scene, small, posed[i])
         if pair is not None:
@@ -99,8 +98,8 @@ def _pair(build: Build, scene: TexturedScene, camera: Camera, index: int) -> tup
     return photo, fit_exposure(photo, render, known), known
 
 
-def _scene(model: Model, camera: Camera) -> TexturedScene:
-    return TexturedScene(model.faces, pixel_angle=1 / float(camera.matrix[0, 0]))
+def _pixel_angle(camera: Camera) -> float:
+    return 1 / float(camera.matrix[0, 0])
 
 
 def shrunk(camera: Camera, width: int) -> Camera:

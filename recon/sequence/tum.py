@@ -45,9 +45,7 @@ def write_tum(
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def tum_lines(
-    timestamps: ArrayLike, positions: ArrayLike, quaternions_xyzw: ArrayLike, comment: str = ""
-) -> list[str]:
+def tum_lines(timestamps: ArrayLike, positions: ArrayLike, quaternions_xyzw: ArrayLike, comment: str = "") -> list[str]:
     """The lines of the file that `write_tum` writes."""
     t = np.asarray(timestamps, dtype=np.float64).reshape(-1, 1)
     rows = np.hstack([np.reshape(positions, (-1, 3)), np.reshape(quaternions_xyzw, (-1, 4))]) + 0.0  # no -0.0

@@ -208,7 +208,7 @@ class Face:
         """(H, W) texels that no image saw."""
         return None if self.sources is None else self.sources < 0
 
-    @property
+    @cached_property
     def normal(self) -> Array:
         """Unit normal (3,) into the free space."""
         a, b, c = self.vertices[self.triangles[0]]

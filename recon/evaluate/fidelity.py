@@ -17,6 +17,8 @@ K1, K2, RANGE = 0.01, 0.03, 255.0
 ITERATIONS = 12
 LEAST_SCALE = 6.0
 """Levels: residuals of the exposure below this all count fully."""
+MOST_PIXELS = 40_000
+"""An exposure is fitted to about this many, evenly; the other pixels say the same."""
 RIM = 2
 """Pixels next to what is not scored whose gradients are left out: they would be those of the mask."""
 
@@ -46,8 +48,9 @@ def fit_exposure(photo: Picture, render: Picture, mask: Mask) -> Picture:
     Robust least squares (Geman-McClure): what stands in the photo and not in the model has no say.
     """
     out = np.empty_like(render)
+    step = max(1, int(mask.sum()) // MOST_PIXELS)
     for c in range(render.shape[2]):
-        x, y = render[..., c][mask].astype(np.float64), photo[..., c][mask].astype(np.float64)
+        x, y = (picture[..., c][mask][::step].astype(np.float64) for picture in (render, photo))
         gain, bias = _robust_line(x, y)
         out[..., c] = np.clip(gain * render[..., c] + bias, 0, RANGE)
     return out

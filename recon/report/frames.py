@@ -19,11 +19,11 @@ from recon.sequence.images import load_image
 if TYPE_CHECKING:
     from recon.pipeline import Build
 
-LOOKED_AT = 30
+LOOKED_AT = 20
 """Images compared with the model, evenly over the drive."""
 SMALL = 160
 """Pixels, the width at which they are."""
-SHOWN = 3
+SHOWN = 2
 """Of the worst."""
 LARGEST = 480
 """Pixels, the width of a photo that is shown."""
@@ -51,7 +51,7 @@ def _compared(build: Build) -> str:
     images, camera = build.sequence.images, build.sequence.camera
     assert images is not None and camera is not None
     size = min(LARGEST, camera.width)
-    scene = TexturedScene(build.model.faces, pixel_angle=_pixel_angle(shrunk(camera, size)))
+    scene = TexturedScene(build.model.faces, pixel_angle=_pixel_angle(shrunk(camera, size)), edge_samples=2)
     shown = []
     for frame in chosen:
         pair = _pair(build, scene, shrunk(camera, size), frame.index)

@@ -10,8 +10,8 @@ import numpy as np
 from recon.exporters.ifc_file import Entity, IfcFile
 from recon.exporters.ifc_rooms import RoomPart, polygons
 from recon.exporters.ifc_walls import Opening, Storeyed, WallPart
+from recon.facing import rooms_before
 from recon.geometry import Array
-from recon.holes import rooms_before
 from recon.model import Layout, Wall
 
 SHORTEST = 0.01

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from recon.facing import rooms_before
 from recon.geometry import Array
-from recon.holes import rooms_before
 from recon.model import Face, Model, Opening, Room, Wall
 
 ROOMLESS = "other"

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from recon.facing import rooms_before
 from recon.geometry import Array
-from recon.holes import rooms_before
 from recon.model import Layout, Opening, OpeningType, Wall
 from recon.plan import opening_span
 from recon.solids import areas

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from recon.facing import rooms_before
 from recon.geometry import Array
 from recon.model import Layout, Opening, Room, Wall
 
@@ -78,17 +79,3 @@ def wall_heights(layout: Layout) -> dict[int, float]:
     return {
         wall: layout.extrusion_height if room is None else room_height(layout, room) for wall, room in rooms.items()
     }
-
-
-def rooms_before(layout: Layout) -> dict[int, Room | None]:
-    """The room in front of the middle of every wall (by id), None where there is none."""
-    import shapely
-
-    fronts = [0.5 * (wall.start + wall.end) + 0.05 * wall.normal for wall in layout.walls]
-    tree = shapely.STRtree([shapely.Polygon(room.polygon) for room in layout.rooms])
-    found: dict[int, Room | None] = {wall.id: None for wall in layout.walls}
-    if layout.walls and layout.rooms:
-        wall_index, room_index = tree.query(shapely.points(np.array(fronts)), predicate="within")
-        for i, k in sorted(zip(wall_index.tolist(), room_index.tolist(), strict=True), reverse=True):
-            found[layout.walls[i].id] = layout.rooms[k]  # the first room, where several overlap
-    return found

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from recon.facing import rooms_before
 from recon.geometry import Array
-from recon.holes import rooms_before, wall_heights
+from recon.holes import wall_heights
 from recon.model import Layout, Wall
 from recon.plan import DRAWN_THICKNESS
 from recon.strips import Strip, grouped_strips, strips_of

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from recon.config import LayoutConfig
 from recon.evaluate.walls import wall_scores
+from recon.facing import facing_rooms
 from recon.graph.estimate import MapEstimate, WallLine
 from recon.layout.build import build_layout
 from recon.layout.evidence import scan_rays
-from recon.layout.facing import facing_rooms
 from recon.model import Layout, Wall
 from recon.simulate import Simulation, random_plan, run_simulation
 

@@ -9,9 +9,9 @@ from itertools import combinations
 import numpy as np
 import shapely
 
+from recon.facing import facing_rooms
 from recon.geometry import Array, cross2
 from recon.graph.estimate import MapEstimate
-from recon.layout.facing import facing_rooms
 from recon.layout.line import PlanLine
 from recon.layout.uncertainty import line_covariances
 from recon.model import Dimension, Layout, Room, Wall

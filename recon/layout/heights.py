@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.facing import facing_rooms
 from recon.geometry import Array, Pose3
 from recon.layout.edges import Edges, View, find_edges, shown_lengths, uprights
-from recon.layout.facing import facing_rooms
 from recon.layout.heads import measured_heads
 from recon.model import Layout, Room, Wall
 from recon.sequence.camera import Camera

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from recon.model import Layout
+from recon.model import Layout, Room
 
 BEFORE = 0.05
 """m before the middle of a wall, where its room is looked for."""
@@ -21,3 +21,9 @@ def facing_rooms(layout: Layout, before: float = BEFORE) -> NDArray[np.int64]:
         wall, room = rooms.query(shapely.points(points), predicate="within")
         out[wall] = room
     return out
+
+
+def rooms_before(layout: Layout) -> dict[int, Room | None]:
+    """The room in front of the middle of every wall (by id), None where there is none."""
+    faced = zip(layout.walls, facing_rooms(layout).tolist(), strict=True)
+    return {wall.id: None if k < 0 else layout.rooms[k] for wall, k in faced}

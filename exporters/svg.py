@@ -170,7 +170,7 @@ def _subset(characters: str, bold: bool) -> bytes:
     options = subset.Options(
         flavor="woff", hinting=False, layout_features=[], notdef_outline=True, drop_tables=["FFTM"]
     )
-    font: Any = subset.load_font(str(font_path(bold)), options)
+    font: Any = subset.load_font(str(font_path(bold)), options, dontLoadGlyphNames=True)
     subsetter = subset.Subsetter(options)
     subsetter.populate(text=characters)
     subsetter.subset(font)

@@ -22,7 +22,7 @@ Colour = tuple[int, int, int]
 Rays = Callable[[Array], tuple[Array, Array]]
 """Pixels (N, 2) to origins and unit directions (N, 3) of their rays in the map frame."""
 
-EDGE_SAMPLES = 4
+EDGE_SAMPLES = 3
 """Rays along each side of a pixel on an edge; inside faces one is enough, textures are averaged there."""
 
 

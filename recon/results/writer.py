@@ -6,6 +6,7 @@ import json
 import shutil
 import uuid
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,14 +103,18 @@ def _write_cameras(build: Build, folder: Path) -> None:
 def _write_model(folder: Path, model: Model) -> None:
     """textures/ and model.json: faces as they are, so that exports need no image."""
     (folder / "textures").mkdir()
-    faces = []
-    for face in model.faces:
-        if face.texture is not None:
-            _write_image(folder / "textures" / f"{face.name}.png", face.texture[:, :, ::-1])
-        if face.sources is not None:
-            write_sources(folder, face.name, face.sources)
-        faces.append(_face_to_json(face))
+    with ThreadPoolExecutor() as pool:  # packing pictures needs no interpreter
+        list(pool.map(lambda face: _write_pictures(folder, face), model.faces))
+    faces = [_face_to_json(face) for face in model.faces]
     _write_json(folder / "model.json", {"version": 1, "name": model.name, "notes": list(model.notes), "faces": faces})
+
+
+def _write_pictures(folder: Path, face: Face) -> None:
+    """The texture, and the image that each of its texels is from."""
+    if face.texture is not None:
+        _write_image(folder / "textures" / f"{face.name}.png", face.texture[:, :, ::-1])
+    if face.sources is not None:
+        write_sources(folder, face.name, face.sources)
 
 
 def _face_to_json(face: Face) -> dict[str, Any]:

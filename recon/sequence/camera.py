@@ -46,18 +46,14 @@ class Camera:
 
     def project(self, points: ArrayLike) -> Array:
         """Points (N, 3) of the camera optical frame as pixels (N, 2); nan where z <= 0."""
-        p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        out = np.full((len(p), 2), np.nan)
-        front = p[:, 2] > 1e-9
-        if not front.any():
-            return out
-        zero = np.zeros(3)
-        if self.distortion_model == "equidistant":
-            px, _ = cv2.fisheye.projectPoints(p[front].reshape(-1, 1, 3), zero, zero, self.matrix, self.distortion)
-        else:
-            px, _ = cv2.projectPoints(p[front], zero, zero, self.matrix, self.distortion)
-        out[front] = np.asarray(px).reshape(-1, 2)
-        return out
+        from recon.sequence.lens import project_equidistant, project_rational
+
+        p = np.ascontiguousarray(np.asarray(points, dtype=np.float64).reshape(-1, 3))
+        pinhole = np.array([self.matrix[0, 0], self.matrix[1, 1], self.matrix[0, 2], self.matrix[1, 2]])
+        bent = np.zeros(8)
+        bent[: min(len(self.distortion), 8)] = self.distortion[:8]
+        lens = project_equidistant if self.distortion_model == "equidistant" else project_rational
+        return np.asarray(lens(p, pinhole, bent))
 
     def rays(self) -> Array:
         """Directions (height, width, 3), z = 1, of every pixel of the (distorted) image."""

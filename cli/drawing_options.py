@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 
-NAMES = ("scale", "paper", "units", "layers", "dxf_profile", "sigmas", "north")
-"""Fields of `DrawingOptions`."""
+from recon.cli.options import gathered
+
 PAPERS = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid", "ansi-c", "ansi-d", "ansi-e")
 
 
@@ -22,20 +21,6 @@ def read_scale(_context: click.Context, _option: click.Parameter, value: str | N
     if not number.isascii() or not number.isdigit() or not 1 <= int(number) <= 100_000:
         raise click.BadParameter(f"{value!r} is no scale, expected one like 50 or 1:50.")
     return int(number)
-
-
-def drawing_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Adds the options and gives the command those that were used, by field of `DrawingOptions`, as `drawings`."""
-
-    @functools.wraps(command)
-    def collected(*args: Any, **kwargs: Any) -> Any:
-        given = {name: kwargs.pop(name) for name in NAMES}
-        return command(*args, drawings={k: v for k, v in given.items() if v is not None}, **kwargs)
-
-    wrapped: Any = collected
-    for option in reversed(_OPTIONS):
-        wrapped = option(wrapped)
-    return wrapped
 
 
 def check_drawings(drawings: Iterable[str], outputs: Iterable[Path]) -> None:
@@ -50,20 +35,32 @@ def check_drawings(drawings: Iterable[str], outputs: Iterable[Path]) -> None:
             raise click.UsageError(f"{option} is for {' '.join(sorted(fitting))}, and no output is one.")
 
 
-_OPTIONS = (
-    click.option(
+OPTIONS: dict[str, Any] = {
+    "scale": click.option(
         "--scale", metavar="1:N", callback=read_scale, help="Of plans: 50, 100, 200 ... (default: what fits)."
     ),
-    click.option("--paper", type=click.Choice(PAPERS, case_sensitive=False), help="Of plans (default: what fits)."),
-    click.option(
+    "paper": click.option(
+        "--paper", type=click.Choice(PAPERS, case_sensitive=False), help="Of plans (default: what fits)."
+    ),
+    "units": click.option(
         "--units", type=click.Choice(["m", "mm", "ft"]), help="Of plans: metres (default), mm, feet and inches."
     ),
-    click.option("--layers", type=click.Choice(["aia", "iso"]), help="Names of layers: AIA/NCS (default), ISO 13567."),
-    click.option(
+    "layers": click.option(
+        "--layers", type=click.Choice(["aia", "iso"]), help="Names of layers: AIA/NCS (default), ISO 13567."
+    ),
+    "dxf_profile": click.option(
         "--dxf-profile",
         type=click.Choice(["cad", "plain"]),
         help="DXF R2018 with everything (default), or R2000 with polylines and texts only.",
     ),
-    click.option("--no-sigmas", "sigmas", flag_value=False, default=None, help="Dimensions without ± on plans."),
-    click.option("--north", type=float, help="Of plans: degrees from the map's x axis to north, counter-clockwise."),
-)
+    "sigmas": click.option(
+        "--no-sigmas", "sigmas", flag_value=False, default=None, help="Dimensions without ± on plans."
+    ),
+    "north": click.option(
+        "--north", type=float, help="Of plans: degrees from the map's x axis to north, counter-clockwise."
+    ),
+}
+"""By field of `DrawingOptions`."""
+
+drawing_options = gathered("drawings", OPTIONS)
+"""Gives the command those that were used as `drawings`."""

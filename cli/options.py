@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 from collections.abc import Callable
 from dataclasses import replace
@@ -44,6 +45,24 @@ def configuration(command: F) -> F:
     ):
         command = option(command)
     return command
+
+
+def gathered(keyword: str, options: dict[str, Callable[[Any], Any]]) -> Callable[[Callable[..., Any]], Any]:
+    """Adds `options`, by the field of a dataclass that each one sets, and gives a command those used as `keyword`."""
+
+    def decorate(command: Callable[..., Any]) -> Any:
+        @functools.wraps(command)
+        def collected(*args: Any, **kwargs: Any) -> Any:
+            given = {name: kwargs.pop(name) for name in options}
+            used = {name: value for name, value in given.items() if value is not None}
+            return command(*args, **{keyword: used}, **kwargs)
+
+        wrapped: Any = collected
+        for option in reversed(options.values()):
+            wrapped = option(wrapped)
+        return wrapped
+
+    return decorate
 
 
 def topic_choice(command: F) -> F:

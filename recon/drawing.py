@@ -95,7 +95,7 @@ def render_drawing(drawing: Drawing, kind: str) -> bytes:
     undated: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "recon", "font.size": 9.0}):
-        figure = Figure(figsize=(13.0, 8.5), layout="constrained")
+        figure = Figure(figsize=(13.0, 8.5))
         _draw(figure, drawing)
         figure.savefig(buffer, format=kind, dpi=DPI, metadata=undated.get(kind, {}))
     return buffer.getvalue()
@@ -103,7 +103,9 @@ def render_drawing(drawing: Drawing, kind: str) -> bytes:
 
 def _draw(figure: Figure, drawing: Drawing) -> None:
     rows = 4 if drawing.scan_residuals else 3
-    grid = figure.add_gridspec(rows, 2, width_ratios=[2.2, 1.0])
+    grid = figure.add_gridspec(
+        rows, 2, width_ratios=[2.5, 1.0], left=0.05, right=0.99, bottom=0.07, top=0.96, wspace=0.1, hspace=0.4
+    )
     _map(figure.add_subplot(grid[:, 0]), drawing)
     top, middle, bottom, *last = (figure.add_subplot(grid[k, 1]) for k in range(rows))
     if len(drawing.truth.relations):
@@ -146,7 +148,7 @@ def _map(axes: Axes, drawing: Drawing) -> None:
     _ellipses(axes, drawing)
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4, frameon=False, fontsize=8)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False, fontsize=8)
 
 
 def _seen_floor(axes: Axes, grid: Occupancy) -> None:

@@ -16,6 +16,8 @@ from recon.report.html import folded, jpeg
 if TYPE_CHECKING:
     import trimesh
 
+SIZE = 1200, 750
+"""Pixels of the picture."""
 TEXELS = 6_000_000
 """In all pictures of the 3D view together: some 2 MB, which a phone can hold."""
 LARGEST, SMALLEST = 512, 32
@@ -36,7 +38,7 @@ def house(model: Model) -> str:
     """A picture of the building with its ceilings off, and the same in 3D, behind a click."""
     if not model.faces:
         return ""
-    picture = f'<img class="house" alt="The model from above" src="{jpeg(render_dollhouse(model))}">'
+    picture = f'<img class="house" alt="The model from above" src="{jpeg(render_dollhouse(model, SIZE))}">'
     viewer = f'<iframe title="The model in 3D" loading="lazy" srcdoc="{_viewer(model)}"></iframe>'
     return picture + folded("Turn it in 3D (drag to turn, wheel or two fingers to come nearer)", viewer)
 

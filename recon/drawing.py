@@ -104,7 +104,7 @@ def render_drawing(drawing: Drawing, kind: str) -> bytes:
 def _draw(figure: Figure, drawing: Drawing) -> None:
     rows = 4 if drawing.scan_residuals else 3
     grid = figure.add_gridspec(
-        rows, 2, width_ratios=[2.5, 1.0], left=0.05, right=0.99, bottom=0.07, top=0.96, wspace=0.1, hspace=0.4
+        rows, 2, width_ratios=[2.5, 1.0], left=0.05, right=0.99, bottom=0.1, top=0.96, wspace=0.1, hspace=0.4
     )
     _map(figure.add_subplot(grid[:, 0]), drawing)
     top, middle, bottom, *last = (figure.add_subplot(grid[k, 1]) for k in range(rows))
@@ -148,7 +148,7 @@ def _map(axes: Axes, drawing: Drawing) -> None:
     _ellipses(axes, drawing)
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False, fontsize=8)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=7, frameon=False, fontsize=8)
 
 
 def _seen_floor(axes: Axes, grid: Occupancy) -> None:
@@ -251,7 +251,7 @@ def _histogram(axes: Axes, drawing: Drawing) -> None:
         axes.hist(known, edges.tolist(), histtype="step", color=KINDS[name], linewidth=1.2, label=label)
     axes.axvline(1.0, color=INK, linewidth=0.6)
     axes.set_xscale("log")
-    axes.set_xlabel("residual of a scan, root mean square in standard deviations")
+    axes.set_xlabel("residual of a scan, sigmas (root mean square)")
     axes.set_ylabel("scans")
     axes.legend(loc="best", frameon=False, fontsize=8)
 

@@ -60,10 +60,7 @@ def build(
     sequence: Path,
     outputs: tuple[Path, ...],
     work: Path | None,
-    scan_topic: str | None,
-    image_topic: str | None,
-    camera_info_topic: str | None,
-    odom_topic: str | None,
+    topics: dict[str, str],
     backend: Literal["graph", "ekf"] | None,
     tape: Path | None,
     control: tuple[Path, ...],
@@ -100,7 +97,7 @@ def build(
     check_outputs(list(outputs), options)
     folder = work_folder(outputs, work)
     measured = Measured(read_tape(tape) if tape else None, read_control(control) if control else None)
-    drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))
+    drive = open_sequence(sequence, Topics(**topics))
     for message in drive.warnings:
         warn(message, quiet)
     _build(drive, config, measured, folder, outputs, options, quiet)

@@ -24,10 +24,7 @@ from recon.cli.options import PATH, examples, topic_choice, verbosity, warn
 def convert(
     sequence: Path,
     output: Path,
-    scan_topic: str | None,
-    image_topic: str | None,
-    camera_info_topic: str | None,
-    odom_topic: str | None,
+    topics: dict[str, str],
     quiet: bool,
 ) -> None:
     """Writes a SEQUENCE (ROS bag, CARMEN log or folder) as a sequence folder."""
@@ -38,7 +35,7 @@ def convert(
     from recon.sequence.write import write_sequence
 
     check_writable(output)
-    drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))
+    drive = open_sequence(sequence, Topics(**topics))
     for message in drive.warnings:
         warn(message, quiet)
     write_sequence(drive, output, terminal_progress(quiet))

@@ -38,10 +38,7 @@ def floorplan(
     sequence: Path,
     outputs: tuple[Path, ...],
     no_images: bool,
-    scan_topic: str | None,
-    image_topic: str | None,
-    camera_info_topic: str | None,
-    odom_topic: str | None,
+    topics: dict[str, str],
     drawings: dict[str, Any],
     config_file: Path | None,
     seed: int | None,
@@ -68,7 +65,7 @@ def floorplan(
     check_drawings(drawings, outputs)
     config = resolve_config(config_file, seed, workers)
     check_outputs(list(outputs))
-    drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))
+    drive = open_sequence(sequence, Topics(**topics))
     if no_images:
         drive = replace(drive, images=None, camera=None)
     for message in drive.warnings:

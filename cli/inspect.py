@@ -20,10 +20,7 @@ from recon.cli.options import PATH, examples, topic_choice, verbosity, warn
 def inspect(
     sequence: Path,
     output: Path | None,
-    scan_topic: str | None,
-    image_topic: str | None,
-    camera_info_topic: str | None,
-    odom_topic: str | None,
+    topics: dict[str, str],
     quiet: bool,
 ) -> None:
     """Says what a SEQUENCE holds: counts, rates, gaps, fields of view, and what looks wrong.
@@ -41,7 +38,7 @@ def inspect(
         if output.suffix.lower() != ".png":
             raise OutputError(f"{output}: unknown suffix {output.suffix!r}, expected .png")
         check_writable(output)
-    drive = open_sequence(sequence, Topics(scan_topic, image_topic, camera_info_topic, odom_topic))
+    drive = open_sequence(sequence, Topics(**topics))
     for line in describe(drive):
         click.echo(line)
     if (sequence / "groundtruth").is_dir():

@@ -65,16 +65,18 @@ def gathered(keyword: str, options: dict[str, Callable[[Any], Any]]) -> Callable
     return decorate
 
 
-def topic_choice(command: F) -> F:
-    """Adds --scan-topic, --image-topic, --camera-info-topic and --odom-topic, for ROS bags."""
-    for option in (
-        click.option("--odom-topic", help="Odometry of a ROS bag; none leaves it out."),
-        click.option("--camera-info-topic", help="Intrinsics of a ROS bag's images."),
-        click.option("--image-topic", help="Images of a ROS bag; none leaves them out."),
-        click.option("--scan-topic", help="Laser scans of a ROS bag (default: the topic with the most messages)."),
-    ):
-        command = option(command)
-    return command
+topic_choice = gathered(
+    "topics",
+    {
+        "scan": click.option(
+            "--scan-topic", "scan", help="Laser scans of a ROS bag (default: the topic with the most messages)."
+        ),
+        "image": click.option("--image-topic", "image", help="Images of a ROS bag; none leaves them out."),
+        "camera_info": click.option("--camera-info-topic", "camera_info", help="Intrinsics of a ROS bag's images."),
+        "odometry": click.option("--odom-topic", "odometry", help="Odometry of a ROS bag; none leaves it out."),
+    },
+)
+"""Gives the command those topics of a ROS bag that were named, by field of `Topics`, as `topics`."""
 
 
 def resolve_config(config_file: Path | None, seed: int | None, workers: int | None) -> Config:

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from recon.geometry import Array
-
 if TYPE_CHECKING:
     from recon.model import Layout, Model
     from recon.pipeline import Build
@@ -56,16 +54,11 @@ def _walls(model: Model) -> str:
 def _rooms(layout: Layout) -> str:
     if not layout.rooms:
         return "Rooms:     none closed"
-    area = sum(abs(_area(room.polygon)) for room in layout.rooms)
+    area = sum(abs(room.area) for room in layout.rooms)
     plural = "s" if len(layout.rooms) > 1 else ""
     doors = len(layout.openings)
     openings = f", {doors} door{'s' if doors > 1 else ''} and openings" if doors else ""
     return f"Rooms:     {len(layout.rooms)} room{plural}, {area:.1f} m2 of floor{openings}"
-
-
-def _area(polygon: Array) -> float:
-    x, y = polygon[:, 0], polygon[:, 1]
-    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
 
 
 def _height(layout: Layout) -> str:

@@ -25,10 +25,7 @@ def view(
     result: Path,
     sequence: Path | None,
     output: Path | None,
-    scan_topic: str | None,
-    image_topic: str | None,
-    camera_info_topic: str | None,
-    odom_topic: str | None,
+    topics: dict[str, str],
     quiet: bool,
 ) -> None:
     """Shows walls, model and trajectory of a RESULT folder, and scans and images of the SEQUENCE it was built from.
@@ -42,8 +39,7 @@ def view(
 
     if output is not None and output.suffix.lower() != ".rrd":
         raise OutputError(f"{output}: unknown suffix {output.suffix!r}, expected .rrd")
-    topics = Topics(scan_topic, image_topic, camera_info_topic, odom_topic)
-    drive = None if sequence is None else open_sequence(sequence, topics)
+    drive = None if sequence is None else open_sequence(sequence, Topics(**topics))
     if output is None:
         show_recording(result, drive)
     else:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.corners import Corners, with_points
+from recon.corners import Corners, polygons_of, with_points
 from recon.geometry import Array
 from recon.holes import DECIMALS, Hole, holes_of, room_height, wall_heights
 from recon.model import Face, FaceKind, Layout, Room, Wall
@@ -78,7 +77,7 @@ def _corners(polygon: Polygon) -> list[Array]:
 
     for grid in GRIDS:
         shape = shapely.make_valid(polygon if grid == 0 else shapely.set_precision(polygon, grid))
-        parts = [part for part in _polygons(shape) if part.area > SMALLEST**2]
+        parts = [part for part in polygons_of(shape) if part.area > SMALLEST**2]
         try:
             triangles = [t for p in parts for t in shapely.constrained_delaunay_triangles(p).geoms]
         except shapely.errors.GEOSException:
@@ -87,13 +86,6 @@ def _corners(polygon: Polygon) -> list[Array]:
             continue
         return [np.asarray(t.exterior.coords)[:3] for t in triangles]
     return []
-
-
-def _polygons(shape: Any) -> Iterable[Polygon]:
-    """The polygons of a shapely geometry of any type."""
-    if shape.geom_type == "Polygon":
-        return [shape]
-    return [part for part in getattr(shape, "geoms", ()) if part.geom_type == "Polygon"]
 
 
 def _wall_face(wall: Wall, height: float, holes: list[Hole], corners: Corners) -> Face:

@@ -22,7 +22,7 @@ from recon.sequence.images import load_image
 from recon.sequence.open import open_sequence
 from recon.sequence.sequence import ImageList
 from recon.sequence.tum import read_planar, read_tum
-from recon.texture import refine_poses, texture_faces
+from recon.texture import camera_sigmas, refine_poses, texture_faces
 
 EVERY, FIRST = 5, 4
 """Images FIRST, FIRST + EVERY, ... are left out."""
@@ -83,8 +83,7 @@ def _poses(result: Path, images: ImageList) -> tuple[tuple[Pose3 | None, ...], A
     table = read_sigmas(result)
     if len(table) != len(trajectory):
         return poses, np.zeros((len(poses), 2))
-    _, x, y, yaw = table[trajectory.nearest(times)].T
-    return poses, np.column_stack([np.hypot(x, y), yaw])
+    return poses, camera_sigmas(table[trajectory.nearest(times), 1:])
 
 
 def _time_offset(path: Path) -> float:

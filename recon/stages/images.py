@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from recon.calibration.calibrate import TOLERANCE, calibrate, check_given
 from recon.calibration.clock import heading_offset
 from recon.calibration.frames import collect_frames
@@ -19,7 +17,7 @@ from recon.sequence.images import iterate_images
 from recon.sequence.trajectory import Trajectory
 from recon.stages.observed import Views
 from recon.stages.run import Run
-from recon.texture.refine import refine_poses
+from recon.texture.refine import camera_sigmas, refine_poses
 from recon.vision.frame import FrameLines
 from recon.vision.frame_lines import detect_lines, relabel
 from recon.vision.vertical import vertical_direction
@@ -106,7 +104,6 @@ def refine_cameras(
         return poses
     images, camera = run.sight
     scans = estimate.trajectory.nearest(calibration.on_scan_clock(images.timestamps))
-    x, y, yaw = estimate.pose_sigmas[scans].T
-    sigmas = np.column_stack([np.hypot(x, y), yaw])
+    sigmas = camera_sigmas(estimate.pose_sigmas[scans])
     with run.stage("image poses"):
         return refine_poses(extrude(layout), camera, poses, run.load, sigmas, run.config.workers)

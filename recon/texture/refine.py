@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recon.geometry import Pose3
+from recon.geometry import Array, Pose3
 from recon.model import Face
 from recon.progress import SILENT, Progress
 from recon.raycast import RayScene
@@ -24,6 +24,11 @@ SMALL_BYTES = 32 << 20
 """Small grey images held at a time."""
 PARTNERS = 3
 """Earlier images that each image is aligned with."""
+
+
+def camera_sigmas(platform: Array) -> Array:
+    """As `refine_poses` takes them, (N, 2), of platform poses' standard deviations (N, 3) of x, y (m) and yaw (rad)."""
+    return np.column_stack([np.hypot(platform[:, 0], platform[:, 1]), platform[:, 2]])
 
 
 def refine_poses(

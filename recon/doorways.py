@@ -11,7 +11,7 @@ from recon.facing import rooms_before
 from recon.geometry import Array
 from recon.model import Layout, Opening, OpeningType, Wall
 from recon.plan import opening_span
-from recon.solids import areas
+from recon.polygons import areas
 from recon.strips import PARALLEL, THICKEST
 
 if TYPE_CHECKING:

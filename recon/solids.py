@@ -14,7 +14,8 @@ from recon.geometry import Array
 from recon.holes import wall_heights
 from recon.model import Layout, Wall
 from recon.plan import DRAWN_THICKNESS
-from recon.strips import Strip, grouped_strips, strips_of
+from recon.polygons import areas, polygons
+from recon.strips import FLATTEST, Strip, grouped_strips, strips_of
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -29,8 +30,10 @@ SLIVER = 0.002
 """m: half the width of leftovers that are not kept."""
 SMALLEST = 1e-3
 """m^2 of ground under a wall, at least."""
-FLAT = 0.02
-"""m, thickness given to walls between rooms that touch."""
+SHARED = 1e-5
+"""m: bodies and rooms that reach into each other by less only touch."""
+FLAT = 0.001
+"""m, thickness given to walls between rooms that touch: what was seen of their faces stays where it was seen."""
 SHORTEST_FLAT = 0.05
 """m: shorter gaps between the bodies of walls are left."""
 BESIDE = 0.02
@@ -91,25 +94,36 @@ def wall_solids(layout: Layout) -> tuple[WallSolid, ...]:
     bodies = _without(layout, groups, [group.body(ends) for group in groups])
     order = sorted(range(len(groups)), key=lambda n: (-groups[n].seen, -groups[n].length, n))
     heights = wall_heights(layout)
-    out: list[WallSolid] = []
-    for group, body in zip(groups, _apart(bodies, order), strict=True):
-        out += [solid for part in _parts(body) if (solid := group.solid(part, heights)) is not None]
+    out = _solids(groups, _parts(_apart(bodies, order)), heights)
     return (*out, *_flat(walls, out, heights))
+
+
+def _solids(groups: Sequence[_Group], parts: Sequence[list[Polygon]], heights: dict[int, float]) -> list[WallSolid]:
+    """Every part of a group's body with those of its faces that it lies beside; those with none are left out."""
+    import shapely
+
+    pairs = [(group, part, face) for group, mine in zip(groups, parts, strict=True) for part in mine
+             for face in group.faces]  # fmt: skip
+    if not pairs:
+        return []
+    lines = shapely.linestrings(np.array([[face.start, face.end] for _, _, face in pairs]))
+    grounds = shapely.buffer([part for _, part, _ in pairs], BESIDE, join_style="mitre")
+    beside = shapely.length(shapely.intersection(lines, grounds)) > CORNER
+    touching: dict[int, tuple[_Group, Polygon, list[Wall]]] = {}
+    for (group, part, face), yes in zip(pairs, beside.tolist(), strict=True):
+        if yes:
+            touching.setdefault(id(part), (group, part, []))[2].append(face)
+    return [group.solid(part, faces, heights) for group, part, faces in touching.values()]
 
 
 def _flat(walls: Sequence[Wall], solids: Sequence[WallSolid], heights: dict[int, float]) -> list[WallSolid]:
     """Thin walls along the stretches of faces that no body is behind; the second of two such faces joins the first."""
     import shapely
 
-    grounds = [solid.footprint for solid in solids]
-    tree = shapely.STRtree(grounds)
     out: list[WallSolid] = []
-    for wall in walls:
-        line = shapely.LineString([wall.start, wall.end])
-        near = [grounds[k] for k in tree.query(line, predicate="dwithin", distance=BESIDE)]
-        bare = line.difference(shapely.union_all([g.buffer(BESIDE) for g in near]))
-        for k, thin in enumerate(out):
-            if bare.length > SHORTEST_FLAT and bare.intersection(thin.footprint).length > SHORTEST_FLAT:
+    for wall, bare in zip(walls, _bare(walls, solids), strict=True):
+        for k, thin in enumerate(out) if bare.length > SHORTEST_FLAT else ():
+            if bare.intersection(thin.footprint).length > SHORTEST_FLAT:
                 bare = bare.difference(thin.footprint.buffer(BESIDE))
                 out[k] = replace(thin, back=(*thin.back, wall), height=max(thin.height, heights[wall.id]))
         for piece in shapely.get_parts(bare):
@@ -119,6 +133,23 @@ def _flat(walls: Sequence[Wall], solids: Sequence[WallSolid], heights: dict[int,
                 ground = shapely.Polygon([a - half, b - half, b + half, a + half])
                 out.append(WallSolid(a, b, FLAT, 0.0, ground, (wall,), (), heights[wall.id], flat=True))
     return out
+
+
+def _bare(walls: Sequence[Wall], solids: Sequence[WallSolid]) -> list[BaseGeometry]:
+    """The part of every face that lies beside no body."""
+    import shapely
+
+    if not walls:
+        return []
+    lines = shapely.linestrings(np.array([[wall.start, wall.end] for wall in walls]))
+    grounds = shapely.buffer(np.array([solid.footprint for solid in solids], dtype=object), BESIDE, join_style="mitre")
+    face, ground = shapely.STRtree(grounds).query(lines, predicate="intersects")
+    bare = ~np.isin(np.arange(len(walls)), face[shapely.covers(grounds[ground], lines[face])])
+    order = np.lexsort((ground, face))
+    for i, k in zip(face[order].tolist(), ground[order].tolist(), strict=True):
+        if bare[i]:
+            lines[i] = shapely.difference(lines[i], grounds[k])
+    return [line if yes else shapely.LineString() for line, yes in zip(lines, bare, strict=True)]
 
 
 class _Group:
@@ -150,34 +181,37 @@ class _Group:
             before = corners.get((strip.face, False), 0.0) if strip.low <= 0.0 else 0.0
             after = corners.get((strip.face, True), 0.0) if strip.high >= wall.length else 0.0
             a, b = (wall.start + s * wall.direction for s in (strip.low - before, strip.high + after))
-            parts.append(shapely.Polygon([a, b, b - depth * wall.normal, a - depth * wall.normal]))
+            behind = None if strip.behind is None else self.walls[strip.behind]
+            p, q = (_behind(wall, behind, point, depth) for point in (a, b))
+            parts.append(shapely.Polygon([a, b, q, p]))
         return shapely.unary_union(parts)
 
-    def solid(self, footprint: Polygon, heights: dict[int, float]) -> WallSolid | None:
-        """One part of the body; None where none of the faces is beside it."""
+    def solid(self, footprint: Polygon, touching: Sequence[Wall], heights: dict[int, float]) -> WallSolid:
+        """One part of the body, beside which some of the faces lie."""
         import shapely
 
-        chosen = self.faces
-        lines = shapely.linestrings(np.array([[w.start, w.end] for w in chosen]))
-        beside = shapely.length(shapely.intersection(lines, footprint.buffer(BESIDE))) > CORNER
-        touching = [wall for wall, yes in zip(chosen, beside, strict=True) if yes]
-        if not touching:
-            return None
         along, left = self.leader.direction, self.leader.normal
         points = shapely.get_coordinates(footprint) - self.leader.start
         low, high = (points @ along).min(), (points @ along).max()
         front = tuple(w for w in touching if w.normal @ left > 0)
-        middle = self._middle(front, touching) if front else float((points @ left).mean())
+        middle = self._middle(front) if front else float((points @ left).mean())
         start, end = (self.leader.start + s * along + middle * left for s in (low, high))
         back = tuple(w for w in touching if w.normal @ left <= 0)
         height = max(heights[wall.id] for wall in touching)
         return WallSolid(start, end, self.thickness, self.seen, footprint, front, back, height)
 
-    def _middle(self, front: Sequence[Wall], touching: Sequence[Wall]) -> float:
+    def _middle(self, front: Sequence[Wall]) -> float:
         """m from the leader's face to the middle line, along its normal."""
         offsets = [0.5 * float((w.start + w.end - 2 * self.leader.start) @ self.leader.normal) for w in front]
         lengths = [w.length for w in front]
         return float(np.average(offsets, weights=lengths)) - self.thickness / 2
+
+
+def _behind(wall: Wall, back: Wall | None, point: Array, depth: float) -> Array:
+    """The point (2,) behind one of a wall's face: on the face at its back, which may lie askew, else at `depth` m."""
+    if back is not None:
+        depth = max(float((back.start - point) @ back.normal) / float(-wall.normal @ back.normal), FLATTEST)
+    return np.asarray(point - depth * wall.normal)
 
 
 def _corner_depths(walls: Sequence[Wall], groups: Sequence[_Group]) -> dict[tuple[int, bool], float]:
@@ -208,18 +242,16 @@ def _without(layout: Layout, groups: Sequence[_Group], bodies: list[BaseGeometry
     """Bodies less the rooms that they reach into, but for one that they stand in: rooms have no holes for pillars."""
     import shapely
 
+    if not layout.rooms:
+        return bodies
     rooms = [areas(shapely.make_valid(shapely.Polygon(room.polygon))) for room in layout.rooms]
     before, index = rooms_before(layout), {room.id: k for k, room in enumerate(layout.rooms)}
-    tree = shapely.STRtree(rooms)
-    out = []
-    for group, body in zip(groups, bodies, strict=True):
-        fronts = {index[room.id] for face in group.faces if (room := before[face.id]) is not None}
-        whole = body.area
-        for k in np.sort(tree.query(body, predicate="intersects")):
-            if k in fronts and shapely.intersection(body, rooms[k], grid_size=GRID).area > 0.5 * whole:
-                continue
-            body = areas(shapely.difference(body, rooms[k], grid_size=GRID))
-        out.append(body)
+    out = list(bodies)
+    for n, k in _shared(bodies, rooms):
+        fronts = {index[room.id] for face in groups[n].faces if (room := before[face.id]) is not None}
+        if k in fronts and shapely.intersection(out[n], rooms[k], grid_size=GRID).area > 0.5 * bodies[n].area:
+            continue
+        out[n] = areas(shapely.difference(out[n], rooms[k], grid_size=GRID))
     return out
 
 
@@ -227,31 +259,31 @@ def _apart(bodies: list[BaseGeometry], order: Sequence[int]) -> list[BaseGeometr
     """Bodies less those that come before them in `order`."""
     import shapely
 
-    tree = shapely.STRtree(bodies)
     rank = {n: place for place, n in enumerate(order)}
     out = list(bodies)
-    for n in order:
-        for k in np.sort(tree.query(bodies[n], predicate="intersects")):
-            if rank[int(k)] < rank[n]:
-                out[n] = areas(shapely.difference(out[n], bodies[k], grid_size=GRID))
+    for n, k in _shared(bodies, bodies):
+        if rank[k] < rank[n]:
+            out[n] = areas(shapely.difference(out[n], bodies[k], grid_size=GRID))
     return out
 
 
-def areas(shape: BaseGeometry) -> BaseGeometry:
-    """The polygons of a shape without its lines and points, as one."""
+def _shared(bodies: Sequence[BaseGeometry], others: Sequence[BaseGeometry]) -> list[tuple[int, int]]:
+    """Pairs of a body and another ground that reach into each other, in order."""
     import shapely
 
-    if shape.geom_type in ("Polygon", "MultiPolygon"):
-        return shape
-    parts = [part for part in getattr(shape, "geoms", ()) if part.geom_type in ("Polygon", "MultiPolygon")]
-    return shapely.union_all(parts)
+    within = shapely.buffer(np.array(others, dtype=object), -SHARED, join_style="mitre")
+    body, other = shapely.STRtree(within).query(np.array(bodies, dtype=object), predicate="intersects")
+    return sorted(zip(body.tolist(), other.tolist(), strict=True))
 
 
-def _parts(body: BaseGeometry) -> list[Polygon]:
-    """Its polygons, without slivers; from the largest down."""
+def _parts(bodies: Sequence[BaseGeometry]) -> list[list[Polygon]]:
+    """Of every body its polygons, without slivers; from the largest down."""
     import shapely
 
-    solid = body.buffer(-SLIVER, join_style="mitre").buffer(SLIVER, join_style="mitre")
-    solid = areas(shapely.intersection(areas(solid), body, grid_size=GRID))
-    parts = [p for p in shapely.get_parts(solid) if p.geom_type == "Polygon" and p.area >= SMALLEST]
-    return sorted((shapely.orient_polygons(p) for p in parts), key=lambda p: (-round(p.area, 6), p.bounds))
+    inner = shapely.buffer(np.array(bodies, dtype=object), -SLIVER, join_style="mitre")
+    solid = [areas(shape) for shape in shapely.buffer(inner, SLIVER, join_style="mitre")]
+    kept = shapely.intersection(np.array(solid, dtype=object), np.array(bodies, dtype=object), grid_size=GRID)
+    return [
+        sorted(map(shapely.orient_polygons, polygons(shape, SMALLEST)), key=lambda p: (-round(p.area, 6), p.bounds))
+        for shape in kept
+    ]

@@ -7,34 +7,60 @@ from numba import njit
 from numpy.typing import NDArray
 
 Grid = NDArray[np.float32]
+Index = NDArray[np.int64]
+Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def send(step: int, base: Grid, leave: Grid, known: NDArray[np.bool_], twin: NDArray[np.int64], message: Grid) -> None:
-    """Messages along the first axis, in place, of a grid of blocks (rows, columns) with a number of slots each.
+def expansion(
+    block: Index,
+    slot: Index,
+    columns: int,
+    own: Grid,
+    leave: Grid,
+    view: NDArray[np.int32],
+    chosen: Index,
+    place: Index,
+) -> tuple[Array, Index, Index, Array]:
+    """The cut that tells which of blocks (n,) a view, in their slots (n,), should take from the views chosen now.
 
-    base: (r, c, slots) cost of every slot and of what the other axis says; leave: (r, c, slots) cost of a seam there;
-    known: (r, c); twin: (r, c, slots) slot of the same view in the block before, -1 for none. step: 1 or -1.
+    own, leave, view: (blocks, slots) of each slot its cost, what it pays for a side where another view begins, its view
+    or -1; slot 0 is empty only where all are. chosen: (blocks,). place: (blocks,), -1, to work with. Returns what it
+    costs each block to be taken (n,), and edges from first (e,) to second (e,), numbers in `block`, with what is paid
+    (e,) where the second is taken alone. Kolmogorov and Zabih 2004, section 4.1, with A, B, C what a pair costs where
+    both stay, where the second goes, where the first goes: A + (C - A) x - C y + (B + C - A) (1 - x) y.
     """
-    rows, columns, slots = base.shape
-    state = np.empty(slots, np.float32)
-    for n in range(1, rows):
-        target = n if step > 0 else rows - 1 - n
-        source = target - step
-        for c in range(columns):
-            if not (known[source, c] and known[target, c]):
-                message[target, c, :] = 0
+    total, n = len(chosen), len(block)
+    for k in range(n):
+        place[block[k]] = k
+    gain = np.zeros(n)
+    first, second = np.empty(2 * n, np.int64), np.empty(2 * n, np.int64)
+    capacity = np.empty(2 * n)
+    count = 0
+    for k in range(n):
+        i = block[k]
+        mine = view[i, chosen[i]]
+        new, column = view[i, slot[k]], i % columns
+        gain[k] += own[i, slot[k]] - own[i, chosen[i]]
+        for side in range(4):
+            j = i + (1, columns, -1, -columns)[side]
+            if j < 0 or j >= total or (side == 0 and column == columns - 1) or (side == 2 and column == 0):
                 continue
-            change = np.float32(np.inf)
-            for k in range(slots):
-                state[k] = base[source, c, k] + message[source, c, k]
-                change = min(change, state[k] + leave[source, c, k])
-            least = np.float32(np.inf)
-            for k in range(slots):
-                sent = change + leave[target, c, k]
-                if twin[target, c, k] >= 0:
-                    sent = min(sent, state[twin[target, c, k]])
-                message[target, c, k] = sent
-                least = min(least, sent)
-            for k in range(slots):
-                message[target, c, k] -= least
+            other = view[j, chosen[j]]
+            if other < 0:
+                continue
+            there = leave[j, chosen[j]]
+            both_stay = leave[i, chosen[i]] + there if mine != other else 0.0
+            first_goes = leave[i, slot[k]] + there if new != other else 0.0
+            if place[j] < 0:
+                gain[k] += first_goes - both_stay
+            elif side < 2:
+                second_goes = leave[i, chosen[i]] + leave[j, slot[place[j]]] if mine != new else 0.0
+                gain[k] += first_goes - both_stay
+                gain[place[j]] -= first_goes
+                first[count], second[count] = k, place[j]
+                capacity[count] = max(second_goes + first_goes - both_stay, 0.0)
+                count += 1
+    for k in range(n):
+        place[block[k]] = -1
+    return gain, first[:count], second[:count], capacity[:count]

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from recon.exporters.dxf_entities import Pencil, layer_name
+from recon.exporters.dxf_entities import STYLE, Pencil, layer_name, style_for
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
 from recon.model import Layout, Model
 from recon.plan.draw import draw_plan
-from recon.plan.drawing import Drawing
+from recon.plan.drawing import Drawing, Text
+from recon.plan.fonts import Han, han
 from recon.plan.layers import LAYERS, VIEWPORT
 from recon.plan.lettering import clean
 from recon.plan.options import DrawingOptions, Units
@@ -40,8 +41,8 @@ DASH, GAP = 1.6, 1.0
 DASHED = "RECON_DASHED"
 """Its lengths are drawing units; some programs put their own, for millimetres, in place of what is called DASHED."""
 BY_LAYER = 256
-STYLE = "RECON"
-"""Name of the text style and of the dimension style."""
+HAN_FONTS: dict[Han, str] = {"SC": "simsun.ttc", "JP": "msgothic.ttc", "KR": "malgun.ttf"}
+"""What Windows has for Chinese, Japanese and Korean; other scripts it finds fonts for by itself."""
 
 Floor = tuple[str, float, Drawing]  # suffix of its layers, elevation in m, drawing
 
@@ -101,6 +102,9 @@ def _set_up(document: Document, floors: Sequence[Floor], options: DrawingOptions
     document.appids.add(APPLICATION)
     document.linetypes.add(DASHED, [(DASH + GAP) * mm, DASH * mm, -GAP * mm], description="_ _ _ _")
     document.styles.add(STYLE, font="arial.ttf")
+    for kind, font in HAN_FONTS.items():
+        if any(isinstance(e, Text) and han(e.text) == kind for _, _, d in floors for e in (*d.plan, *d.sheet)):
+            document.styles.add(style_for(kind), font=font)
     _dimension_style(document, mm, options)
     for suffix, _, _ in floors:
         for layer in LAYERS:
@@ -151,16 +155,21 @@ def _dimension_style(document: Document, mm: float, options: DrawingOptions) -> 
 
 
 def _sheet(document: Document, floors: Sequence[Floor], suffix: str, drawing: Drawing, options: DrawingOptions) -> None:
-    """Title block and a view of the plan to scale, in millimetres; of other storeys nothing is seen."""
+    """Title block and a view of the plan to scale, in drawing units; of other storeys nothing is seen.
+
+    Programs without paper space draw it beside the plan, and take the paper's limits for its size in drawing units.
+    """
     unit = UNITS[options.units][0]
+    mm = unit / 1000
     space = document.layouts.new(f"Plan{suffix}") if suffix else document.layouts.get("Layout1")
     if not suffix:
         document.layouts.rename("Layout1", "Plan")
-    space.page_setup(size=drawing.paper, margins=(0, 0, 0, 0), units="mm", scale=(1, 1))
-    pencil = Pencil(space, options, drawing, suffix, 1.0)
+    space.page_setup(size=drawing.paper, margins=(0, 0, 0, 0), units="mm", scale=(1 / mm, 1))
+    space.dxf.limmin, space.dxf.limmax = (0.0, 0.0), tuple(side * mm for side in drawing.paper)
+    pencil = Pencil(space, options, drawing, suffix, mm)
     for element in drawing.sheet:
         pencil.draw(element)
-    low, high = drawing.on_paper(drawing.window)
+    low, high = drawing.on_paper(drawing.window) * mm
     view = space.add_viewport(
         center=tuple(((low + high) / 2).tolist()),
         size=tuple((high - low).tolist()),

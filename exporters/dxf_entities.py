@@ -10,6 +10,7 @@ import numpy as np
 from recon.geometry import Array, rotation2
 from recon.model import Opening, Wall
 from recon.plan.drawing import Dimension, Drawing, Element, Fill, Polyline, Source, Text, parts
+from recon.plan.fonts import Han, han
 from recon.plan.inner import reading_angle
 from recon.plan.layers import Layer
 from recon.plan.options import DrawingOptions
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from ezdxf.layouts import BaseLayout
 
 APPLICATION, STYLE = "RECON", "RECON"
+"""STYLE: name of the text style and of the dimension style."""
 HAIRLINE = 13
 """1/100 mm."""
 
@@ -26,6 +28,11 @@ HAIRLINE = 13
 def layer_name(layer: Layer, options: DrawingOptions, suffix: str) -> str:
     """The layer's name in the chosen convention, with that of the storey."""
     return layer.named(options.layers) + suffix
+
+
+def style_for(kind: Han | None) -> str:
+    """The text style of lines with such letters."""
+    return STYLE if kind is None else f"{STYLE}_{kind}"
 
 
 @dataclass(frozen=True)
@@ -82,8 +89,8 @@ class Pencil:
         from ezdxf.enums import TextEntityAlignment
 
         anchors = {"start": "LEFT", "middle": "CENTER", "end": "RIGHT"}
-        attributes = self._attributes(text.layer) | {"style": STYLE, "height": text.height * self.unit}
-        attributes["rotation"] = float(np.degrees(text.angle))
+        attributes = self._attributes(text.layer) | {"style": style_for(han(text.text))}
+        attributes |= {"height": text.height * self.unit, "rotation": float(np.degrees(text.angle))}
         entity = self.space.add_text(escaped(text.text), dxfattribs=attributes)
         return entity.set_placement(self._points(text.at[None])[0], align=TextEntityAlignment[anchors[text.anchor]])
 

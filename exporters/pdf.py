@@ -9,47 +9,44 @@ import numpy as np
 
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
+from recon.exporters.pdf_text import PLAIN, POINT, Letters
 from recon.model import Model
 from recon.plan.draw import draw_plan
 from recon.plan.drawing import Drawing, Fill, Polyline, Text
-from recon.plan.lettering import CAP_HEIGHT, CONDENSED, clean, font_path
+from recon.plan.lettering import clean
 
 if TYPE_CHECKING:
     from recon.geometry import Array
 
-POINT = 72 / 25.4
-"""Points in a millimetre."""
-FONTS = {False: "DejaVuSans", True: "DejaVuSans-Bold"}
 DASH, GAP = 1.6, 1.0
 """mm."""
 
 
 def write_pdf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """One page of the size of the paper."""
-    return Output(render_pdf(draw_plan(model, options.drawing)))
+    drawing = draw_plan(model, options.drawing)
+    return Output(render_pdf(drawing), notes=drawing.missing_letters())
 
 
 def render_pdf(drawing: Drawing) -> bytes:
     """The drawing as a PDF file of one page."""
-    from reportlab.pdfbase import pdfmetrics
-    from reportlab.pdfbase.ttfonts import TTFont
     from reportlab.pdfgen.canvas import Canvas
 
-    for bold, name in FONTS.items():
-        pdfmetrics.registerFont(TTFont(name, str(font_path(bold))))
+    elements = list(drawing.elements())
+    letters = Letters(element for element in elements if isinstance(element, Text))
     stream = io.BytesIO()
     size = tuple(side * POINT for side in drawing.paper)
-    canvas = Canvas(stream, pagesize=size, invariant=1, pageCompression=1)  # invariant: no time stamps
+    canvas = Canvas(stream, size, pageCompression=1, invariant=1, initialFontName=PLAIN)  # invariant: no time stamps
     canvas.setTitle(clean(drawing.title))
     canvas.setSubject(f"Floor plan, scale 1:{drawing.scale}")
     canvas.setCreator("recon")
     canvas.setLineJoin(1)
-    for element in drawing.elements():
+    for element in elements:
         if isinstance(element, Fill):
             canvas.setFillColorRGB(*(c / 255 for c in element.rgb))
             _trace(canvas, element.rings, True)
         elif isinstance(element, Text):
-            _write(canvas, element)
+            letters.write(canvas, element)
         elif element.layer.plotted:
             _stroke(canvas, element)
     canvas.showPage()
@@ -75,17 +72,3 @@ def _trace(canvas: Any, rings: tuple[Array, ...], filled: bool, closed: bool = T
         if closed:
             path.close()
     canvas.drawPath(path, stroke=int(not filled), fill=int(filled), fillMode=0)
-
-
-def _write(canvas: Any, text: Text) -> None:
-    """A line of text; its width is what `recon.plan.lettering` says."""
-    left = {"start": 0.0, "middle": 0.5, "end": 1.0}[text.anchor] * text.width
-    cosine, sine = float(np.cos(text.angle)), float(np.sin(text.angle))
-    x, y = (text.at - left * np.array([cosine, sine])) * POINT
-    line = canvas.beginText()
-    line.setFont(FONTS[text.bold], text.height * POINT / CAP_HEIGHT)
-    line.setHorizScale(100 * CONDENSED)
-    line.setFillColorRGB(*(c / 255 for c in text.layer.rgb))
-    line.setTextTransform(cosine, sine, -sine, cosine, float(x), float(y))
-    line.textOut(text.text)
-    canvas.drawText(line)

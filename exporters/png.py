@@ -29,4 +29,4 @@ def write_png(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
         document.close()
     stream = io.BytesIO()
     picture.save(stream, "PNG")
-    return Output(stream.getvalue())
+    return Output(stream.getvalue(), notes=drawing.missing_letters())

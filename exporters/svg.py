@@ -6,28 +6,28 @@ millimetres on paper. Everything else is in millimetres.
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Iterable
 from itertools import groupby
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
+from recon.exporters.svg_fonts import FAMILY, family, font_rules
 from recon.geometry import Array, rotation2
 from recon.model import FloorObject, Model, Opening, Room, Wall
 from recon.plan.draw import draw_plan
-from recon.plan.drawing import Dimension, Drawing, Element, Fill, Polyline, Source, Text, parts
+from recon.plan.drawing import Anchor, Dimension, Drawing, Element, Fill, Polyline, Source, Text, parts
 from recon.plan.layers import INFERRED, Layer
-from recon.plan.lettering import CAP_HEIGHT, CONDENSED, clean, font_path
+from recon.plan.lettering import CAP_HEIGHT, CONDENSED, clean
 from recon.plan.options import LayerNames
+from recon.plan.shaping import from_right, is_plain
 
-FAMILY = "recon, 'DejaVu Sans', Verdana, sans-serif"
 DASHES = "1.6 1"
 """mm."""
+OPPOSITE: dict[Anchor, Anchor] = {"start": "end", "middle": "middle", "end": "start"}
+"""A line of text that runs from right to left starts on the right."""
 
 
 def write_svg(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
@@ -39,7 +39,7 @@ def write_svg(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
     root.attrib |= {"width": f"{width}mm", "height": f"{height}mm", "viewBox": f"0 0 {width} {height}"}
     ET.SubElement(root, "title").text = clean(drawing.title)
     ET.SubElement(root, "desc").text = f"Floor plan, scale 1:{drawing.scale}, coordinates of #plan in metres"
-    ET.SubElement(root, "style").text = _fonts(drawing)
+    ET.SubElement(root, "style").text = font_rules(drawing)
     ET.SubElement(root, "rect", {"width": width, "height": height, "fill": "#ffffff"})
     _draw_plan(root, drawing, names)
     texts = ET.SubElement(root, "g", {"id": "texts", "font-family": FAMILY})
@@ -51,7 +51,7 @@ def write_svg(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
     for item in drawing.sheet:
         _draw_on_sheet(sheet, item, drawing)
     ET.indent(root)
-    return Output(ET.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")
+    return Output(ET.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n", notes=drawing.missing_letters())
 
 
 def _draw_plan(root: ET.Element, drawing: Drawing, names: LayerNames) -> None:
@@ -137,8 +137,13 @@ def _write(parent: ET.Element, text: Text, drawing: Drawing) -> None:
     turned = f" rotate({_number(-np.degrees(text.angle), 3)})" if text.angle else ""
     place = {"transform": f"translate({_number(x)} {_number(y)}){turned} scale({CONDENSED} 1)"}
     look = {"font-size": _number(text.height / CAP_HEIGHT), "fill": _colour(text.layer.rgb)}
-    look |= {"text-anchor": text.anchor} if text.anchor != "start" else {}
+    anchor = text.anchor
+    if from_right(text.text):
+        look["direction"], anchor = "rtl", OPPOSITE[anchor]
+    look |= {"text-anchor": anchor} if anchor != "start" else {}
     look |= {"font-weight": "bold"} if text.bold else {}
+    if not is_plain(text.text, text.bold):
+        look["font-family"] = family(text)
     ET.SubElement(parent, "text", place | look).text = text.text
 
 
@@ -150,33 +155,6 @@ def _pen(layer: Layer, pen: float, unit: float) -> dict[str, str]:
     if layer.dashed:
         return stroke | {"stroke-dasharray": " ".join(_number(float(d) * unit) for d in DASHES.split())}
     return stroke | {"stroke-linecap": "square"}
-
-
-def _fonts(drawing: Drawing) -> str:
-    """The letters that are used, as fonts in the file."""
-    rules = []
-    for bold in (False, True):
-        used = {c for e in drawing.elements() if isinstance(e, Text) and e.bold == bold for c in e.text}
-        if used:
-            data = base64.b64encode(_subset("".join(sorted(used)), bold)).decode("ascii")
-            source = f"src: url(data:font/woff;base64,{data})"
-            rules.append(f"@font-face {{ font-family: recon; font-weight: {'bold' if bold else 'normal'}; {source} }}")
-    return "\n".join(rules)
-
-
-def _subset(characters: str, bold: bool) -> bytes:
-    from fontTools import subset
-
-    options = subset.Options(
-        flavor="woff", hinting=False, layout_features=[], notdef_outline=True, drop_tables=["FFTM"]
-    )
-    font: Any = subset.load_font(str(font_path(bold)), options, dontLoadGlyphNames=True)
-    subsetter = subset.Subsetter(options)
-    subsetter.populate(text=characters)
-    subsetter.subset(font)
-    stream = io.BytesIO()
-    subset.save_font(font, stream, options)
-    return stream.getvalue()
 
 
 def _colour(rgb: tuple[int, int, int]) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 
 from recon.geometry import Array, rotation2
 from recon.model import FloorObject, Opening, Room, Wall
+from recon.plan.fonts import missing
 from recon.plan.layers import Layer
 from recon.plan.lettering import DESCENT, text_width
 
@@ -142,6 +143,10 @@ class Drawing:
         for element in self.sheet:
             if not isinstance(element, Dimension):
                 yield element
+
+    def missing_letters(self) -> tuple[str, ...]:
+        """A line for people where no font has some of the letters."""
+        return missing({e.text: e.bold for e in self.elements() if isinstance(e, Text)})
 
     def plain(self, element: Element) -> Iterator[Polyline | Fill | Text]:
         """An element of the plan on the sheet, mm."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cache
-from pathlib import Path
+import unicodedata
+from functools import cache, lru_cache
 from typing import Any
+
+from recon.plan.fonts import main_font
+from recon.plan.shaping import is_plain, shape
 
 CONDENSED = 0.9
 """Horizontal scale: DejaVu Sans Condensed is DejaVu Sans drawn this narrow."""
@@ -14,19 +17,13 @@ DESCENT = 0.33
 """Of the cap height, below the base line."""
 LINE = 1.7
 """Of the cap height, from line to line."""
-
-
-def font_path(bold: bool = False) -> Path:
-    """The font file, which comes with matplotlib."""
-    import matplotlib
-
-    return Path(matplotlib.get_data_path()) / "fonts" / "ttf" / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
+JOINERS = "\u200c\u200d"
+"""They say whether letters join, and are no letters themselves."""
 
 
 def text_width(text: str, height: float, bold: bool = False) -> float:
     """Width of a line of text whose capitals are `height` high, in the same unit."""
-    widths, missing = _widths(bold)
-    return sum(widths.get(ord(c), missing) for c in text) * CONDENSED / CAP_HEIGHT * height
+    return _em(text, bold) * CONDENSED / CAP_HEIGHT * height
 
 
 def shortened(text: str, height: float, width: float, bold: bool = False) -> str:
@@ -58,15 +55,29 @@ def wrapped(text: str, height: float, width: float, bold: bool = False) -> list[
 
 
 def clean(text: str) -> str:
-    """The text in one line, without control characters, which no format can hold."""
-    return " ".join("".join(c if c.isprintable() or c.isspace() else "\ufffd" for c in text).split())
+    """The text in one line, without control characters, which no format can hold; joiners of letters stay."""
+    return " ".join("".join(map(_printable, text)).split())
+
+
+def _printable(letter: str) -> str:
+    if letter.isprintable() or letter.isspace() or letter in JOINERS:
+        return letter
+    return "" if unicodedata.category(letter) == "Cf" else "\ufffd"
+
+
+@lru_cache(maxsize=65536)
+def _em(text: str, bold: bool) -> float:
+    """Width of a line of text, em."""
+    if is_plain(text, bold):
+        widths = _widths(bold)
+        return sum(widths[ord(c)] for c in text)
+    return sum(glyph.advance for run in shape(text, bold) for glyph in run.glyphs)
 
 
 @cache
-def _widths(bold: bool) -> tuple[dict[int, float], float]:
+def _widths(bold: bool) -> dict[int, float]:
     from fontTools.ttLib import TTFont
 
-    font: Any = TTFont(font_path(bold), lazy=True)
+    font: Any = TTFont(main_font(bold).path, lazy=True)
     em, metrics = font["head"].unitsPerEm, font["hmtx"].metrics
-    widths = {code: metrics[glyph][0] / em for code, glyph in font.getBestCmap().items()}
-    return widths, metrics[".notdef"][0] / em
+    return {code: metrics[glyph][0] / em for code, glyph in font.getBestCmap().items()}

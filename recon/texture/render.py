@@ -121,7 +121,7 @@ def _project(canvas: Canvas, rows: Range, columns: Range, shot: Shot, lens: Lens
     inside = cv2.inRange(pixels, (0.0, 0.0, 0.0, 0.0), (image.shape[1] - 1.0, image.shape[0] - 1.0, 0.0, 0.0))
     source = pyramid(image, shot.level + 1)[-1]
     at = at_level(pixels, image, source)
-    colour = cv2.remap(source, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    colour = cv2.remap(source, at, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     gain = np.log(shot.exposure.gains[shot.view]) - np.nan_to_num(light)[..., None]
     factor = enlarge(np.exp(shot.correction.at(rows, columns) + gain.astype(np.float32)))
     return np.asarray(cv2.multiply(colour, factor, dtype=cv2.CV_32F)), np.asarray(inside)

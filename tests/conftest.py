@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -15,8 +16,10 @@ from hypothesis import settings
 if TYPE_CHECKING:
     from small_build import Small
 
-settings.register_profile("untimed", deadline=None)  # no test fails for being slow
-settings.load_profile("untimed")
+# No test fails for being slow, nor by chance: every run tries the same examples, HYPOTHESIS_PROFILE=explore others.
+settings.register_profile("same", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 ROOT = Path(__file__).resolve().parents[1]
 

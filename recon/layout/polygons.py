@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
 
 from recon.geometry import Array
+
+Side = tuple[float, float, float, float]
+"""x and y, m, of its start and of its end."""
 
 SMALLEST_HOLE = 2.0
 """m^2; smaller holes in a room are pillars and things in it, larger ones split it into simple polygons."""
@@ -28,20 +31,34 @@ def room_rings(outlines: Sequence[shapely.Polygon]) -> list[Array]:
     parts = [part for one, rest in zip(outlines, others, strict=True) for part in simple_polygons(one, rest)]
     rings = [np.asarray(part.exterior.coords)[:-1] for part in shapely.orient_polygons(parts)]
     corners = np.unique(np.concatenate(rings), axis=0) if rings else np.zeros((0, 2))
-    points = shapely.points(corners)
-    tree = shapely.STRtree(points)
-    return [_with_corners(ring, corners[tree.query(shapely.LinearRing(ring), "dwithin", TOUCHING)]) for ring in rings]
+    tree = shapely.STRtree(shapely.points(corners))
+    near = [corners[tree.query(shapely.LinearRing(ring), "dwithin", TOUCHING)] for ring in rings]
+    rings = [_with_corners(ring, found, SAME, frozenset()) for ring, found in zip(rings, near, strict=True)]
+    shared = frozenset(_side(end, start) for ring in rings for start, end in _sides(ring))
+    return [_with_corners(ring, found, TOUCHING, shared) for ring, found in zip(rings, near, strict=True)]
 
 
-def _with_corners(ring: Array, corners: Array) -> Array:
-    """The ring (n, 2) with those corners (m, 2) that lie on its sides."""
+def _sides(ring: Array) -> Iterator[tuple[Array, Array]]:
+    """Start and end of every side of a ring (n, 2)."""
+    return zip(ring, np.roll(ring, -1, axis=0), strict=True)
+
+
+def _side(start: Array, end: Array) -> Side:
+    return float(start[0]), float(start[1]), float(end[0]), float(end[1])
+
+
+def _with_corners(ring: Array, corners: Array, reach: float, shared: frozenset[Side]) -> Array:
+    """The ring (n, 2) with those corners (m, 2) that lie within `reach`, m, of its sides.
+
+    Sides in `shared` stay as they are: on their other side is a ring that has them too, to the last digit.
+    """
     away = np.linalg.norm(corners[:, None] - ring[None], axis=2).min(axis=1, initial=np.inf) > TOUCHING
     out: list[Array] = []
-    for start, end in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+    for start, end in _sides(ring):
         step = end - start
         along = (corners - start) @ step / (step @ step)
         off = np.linalg.norm(corners - start - along[:, None] * step, axis=1)
-        on = np.flatnonzero(away & (along > 0) & (along < 1) & (off <= TOUCHING))
+        on = np.flatnonzero(away & (along > 0) & (along < 1) & (off <= reach) & (_side(start, end) not in shared))
         out += [start, *corners[on[np.argsort(along[on], kind="stable")]]]
     return np.array(out)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from recon.exporters.ifc_boundaries import add_boundaries
 from recon.exporters.ifc_file import Entity, IfcFile
-from recon.exporters.ifc_rooms import add_floor, add_objects, add_rooms
-from recon.exporters.ifc_walls import Storeyed, add_walls
+from recon.exporters.ifc_rooms import RoomPart, add_floor, add_objects, add_rooms
+from recon.exporters.ifc_types import add_types
+from recon.exporters.ifc_walls import Storeyed, WallPart, add_walls
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
 from recon.model import Model
@@ -33,7 +35,9 @@ def write_building_ifc(building: Building, stem: str, options: ExportOptions = D
     _aggregate(ifc, "project", project, [site])
     _aggregate(ifc, "site", site, [house])
     floors = [_storey(ifc, storey, house) for storey in building.storeys]
-    _aggregate(ifc, "building", house, floors)
+    _aggregate(ifc, "building", house, [floor.entity for floor in floors])
+    walls = [wall for floor in floors for wall in floor.walls]
+    add_types(ifc, project, walls, [room.space for floor in floors for room in floor.rooms])
     return Output(ifc.to_bytes())
 
 
@@ -42,7 +46,14 @@ def _place(ifc: IfcFile, kind: str, key: str, name: str, parent: Entity | None) 
     return ifc.root(kind, key, name, ObjectPlacement=place, CompositionType="ELEMENT")
 
 
-def _storey(ifc: IfcFile, storey: Storey, house: Entity) -> Entity:
+@dataclass(frozen=True)
+class _Floor:
+    entity: Entity
+    walls: list[WallPart]
+    rooms: list[RoomPart]
+
+
+def _storey(ifc: IfcFile, storey: Storey, house: Entity) -> _Floor:
     place = ifc.placement(house.ObjectPlacement, (0.0, 0.0, storey.elevation))
     entity = ifc.root(
         "IfcBuildingStorey",
@@ -58,13 +69,13 @@ def _storey(ifc: IfcFile, storey: Storey, house: Entity) -> Entity:
     slabs = add_floor(at, rooms, walls)
     things = [wall.entity for wall in walls]
     things += [o.filling for wall in walls for o in wall.openings if o.filling is not None]
-    things += [*slabs, *(room.ceiling for room in rooms), *add_objects(at, layout)]
+    things += [*(slab.entity for slab in slabs), *(room.ceiling for room in rooms), *add_objects(at, layout)]
     _aggregate(ifc, f"{storey.name}/rooms", entity, [room.space for room in rooms])
     if things:
         kind = "IfcRelContainedInSpatialStructure"
         ifc.root(kind, storey.name, RelatedElements=things, RelatingStructure=entity)
     add_boundaries(at, layout, rooms, walls, slabs)
-    return entity
+    return _Floor(entity, walls, rooms)
 
 
 def _aggregate(ifc: IfcFile, key: str, whole: Entity, parts: Sequence[Entity]) -> None:

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from recon.exporters.ifc_file import Entity, IfcFile
-from recon.exporters.ifc_rooms import RoomPart, polygons
+from recon.exporters.ifc_rooms import SMALLEST, RoomPart, Slab
 from recon.exporters.ifc_walls import Opening, Storeyed, WallPart
 from recon.facing import rooms_before
 from recon.geometry import Array
 from recon.model import Layout, Wall
+from recon.polygons import polygons
+
+if TYPE_CHECKING:
+    from shapely.geometry import Polygon
 
 SHORTEST = 0.01
 """m: shorter stretches of a face bound no room."""
 
 
 def add_boundaries(
-    at: Storeyed, layout: Layout, rooms: Sequence[RoomPart], walls: Sequence[WallPart], slabs: Sequence[Entity]
+    at: Storeyed, layout: Layout, rooms: Sequence[RoomPart], walls: Sequence[WallPart], slabs: Sequence[Slab]
 ) -> None:
     """A relation of every room to the faces of walls around it, to what fills or leaves open their openings, to floor
     and ceiling. Surfaces are in the coordinates of the space, which are those of its storey.
@@ -33,18 +38,20 @@ def add_boundaries(
         for face, part in sides:
             key, inside = f"{at.key}/{part.room.id}/{number}/{face.id}", "INTERNAL" if between else "NOTDEFINED"
             low, high = stretches[number, face.id]
+            whole = None
             if high - low >= SHORTEST:
                 ends = face.start + np.array([[low], [high]]) * face.direction
                 surface = _upright(at.ifc, ends, 0.0, part.height)
-                _bound(at.ifc, key, part.space, wall.entity, surface, inside)
+                whole = _bound(at.ifc, key, part.space, wall.entity, surface, inside)
             for opening in wall.openings:
-                _opening(at.ifc, f"{key}/{opening.doorway.id}", part, opening, face, inside)
+                _opening(at.ifc, f"{key}/{opening.doorway.id}", part, opening, face, inside, whole)
     for part in rooms:
-        for n, polygon in enumerate(polygons(part.polygon)):
-            ring, key = np.asarray(polygon.exterior.coords)[:-1], f"{at.key}/{part.room.id}/{n}"
-            if len(slabs) == 1:
-                _bound(at.ifc, f"{key}/floor", part.space, slabs[0], _level(at.ifc, ring, 0.0), "NOTDEFINED")
-            lid = _level(at.ifc, ring, part.height)
+        for n, polygon in enumerate(polygons(part.polygon, SMALLEST)):
+            key, inner = f"{at.key}/{part.room.id}/{n}", polygon.representative_point()
+            slab = next((slab.entity for slab in slabs if slab.ground.contains(inner)), None)
+            if slab is not None:
+                _bound(at.ifc, f"{key}/floor", part.space, slab, _level(at.ifc, polygon, 0.0), "NOTDEFINED")
+            lid = _level(at.ifc, polygon, part.height)
             _bound(at.ifc, f"{key}/ceiling", part.space, part.ceiling, lid, "NOTDEFINED")
 
 
@@ -67,8 +74,10 @@ def _stretches(walls: Sequence[WallPart]) -> dict[tuple[int, int], tuple[float, 
     return out
 
 
-def _opening(ifc: IfcFile, key: str, part: RoomPart, opening: Opening, face: Wall, inside: str) -> None:
-    """An opening, where it is in this face; a passage is a virtual boundary."""
+def _opening(
+    ifc: IfcFile, key: str, part: RoomPart, opening: Opening, face: Wall, inside: str, whole: Entity | None
+) -> None:
+    """An opening, where it is in this face; a passage is a virtual boundary. whole: the boundary that it lies in."""
     doorway = opening.doorway
     if part.room.id not in doorway.rooms:
         return
@@ -79,15 +88,24 @@ def _opening(ifc: IfcFile, key: str, part: RoomPart, opening: Opening, face: Wal
     ends = face.start + np.array([[low], [high]]) * face.direction
     surface = _upright(ifc, ends, max(doorway.bottom, 0.0), min(doorway.top, part.height))
     thing = opening.void if opening.filling is None else opening.filling
-    _bound(ifc, key, part.space, thing, surface, inside, "PHYSICAL" if opening.filling is not None else "VIRTUAL")
+    kind = "PHYSICAL" if opening.filling is not None else "VIRTUAL"
+    _bound(ifc, key, part.space, thing, surface, inside, kind, whole)
 
 
 def _bound(
-    ifc: IfcFile, key: str, space: Entity, thing: Entity, surface: Entity, inside: str, kind: str = "PHYSICAL"
-) -> None:
+    ifc: IfcFile,
+    key: str,
+    space: Entity,
+    thing: Entity,
+    surface: Entity,
+    inside: str,
+    kind: str = "PHYSICAL",
+    whole: Entity | None = None,
+) -> Entity:
     geometry = ifc.create("IfcConnectionSurfaceGeometry", SurfaceOnRelatingElement=surface)
     nameless = ifc.schema == "IFC2X3" and kind == "VIRTUAL"  # it allows no opening there
-    ifc.root(
+    more = {} if whole is None or ifc.schema == "IFC2X3" else {"ParentBoundary": whole}
+    return ifc.root(
         "IfcRelSpaceBoundary1stLevel" if ifc.schema == "IFC4" else "IfcRelSpaceBoundary",
         key,
         "1stLevel",
@@ -96,6 +114,7 @@ def _bound(
         ConnectionGeometry=geometry,
         PhysicalOrVirtualBoundary=kind,
         InternalOrExternalBoundary=inside,
+        **more,
     )
 
 
@@ -105,18 +124,20 @@ def _upright(ifc: IfcFile, ends: Array, bottom: float, top: float) -> Entity:
     return ifc.create(
         "IfcSurfaceOfLinearExtrusion",
         SweptCurve=ifc.create("IfcArbitraryOpenProfileDef", ProfileType="CURVE", Curve=line),
-        Position=ifc.create("IfcAxis2Placement3D", Location=ifc.point((0.0, 0.0, bottom))),
+        Position=ifc.level(bottom),
         ExtrudedDirection=ifc.up,
         Depth=round(float(top - bottom), 6),
     )
 
 
-def _level(ifc: IfcFile, ring: Array, height: float) -> Entity:
-    """The polygon (n, 2) at a height, m."""
-    place = ifc.create("IfcAxis2Placement3D", Location=ifc.point((0.0, 0.0, height)))
+def _level(ifc: IfcFile, polygon: Polygon, height: float) -> Entity:
+    """The polygon at a height, m."""
+    outer, *inner = (
+        ifc.polyline(np.asarray(ring.coords)[:-1], closed=True) for ring in (polygon.exterior, *polygon.interiors)
+    )
     return ifc.create(
         "IfcCurveBoundedPlane",
-        BasisSurface=ifc.create("IfcPlane", Position=place),
-        OuterBoundary=ifc.polyline(ring, closed=True),
-        InnerBoundaries=[],
+        BasisSurface=ifc.shared("IfcPlane", round(height, 6), lambda: {"Position": ifc.level(height)}),
+        OuterBoundary=outer,
+        InnerBoundaries=inner,
     )

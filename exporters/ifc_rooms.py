@@ -12,6 +12,7 @@ from recon.exporters.ifc_file import Entity, Value, label
 from recon.exporters.ifc_walls import Storeyed, WallPart
 from recon.holes import room_height
 from recon.model import FloorObject, Layout, Room
+from recon.polygons import polygons
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 SLAB, CEILING = 0.2, 0.02
 """m, assumed thicknesses of the floor and of what hangs below the storey above."""
+TABLE = 0.75
+"""m, assumed height of furniture where no image shows it."""
 SMALLEST = 1e-4
 """m^2: smaller parts of rooms and floors are left out."""
 SEAM = 0.005
@@ -36,6 +39,14 @@ class RoomPart:
     ceiling: Entity
 
 
+@dataclass(frozen=True)
+class Slab:
+    """A part of the floor that hangs together, and its IfcSlab."""
+
+    ground: Polygon
+    entity: Entity
+
+
 def add_rooms(at: Storeyed, layout: Layout) -> list[RoomPart]:
     """IfcSpace and IfcCovering of every room that has an area, in the order of the layout."""
     import shapely
@@ -43,27 +54,17 @@ def add_rooms(at: Storeyed, layout: Layout) -> list[RoomPart]:
     out = []
     for room in layout.rooms:
         ground = shapely.make_valid(shapely.Polygon(room.polygon))
-        parts = [shapely.orient_polygons(p) for p in polygons(ground)]
+        parts = [shapely.orient_polygons(p) for p in polygons(ground, SMALLEST)]
         if parts:
             out.append(_room(at, layout, room, shapely.union_all(parts), parts))
     return out
-
-
-def polygons(shape: BaseGeometry) -> list[Polygon]:
-    """The polygons of a shape that have an area."""
-    import shapely
-
-    parts = shapely.get_parts(shape)
-    flat = [q for p in parts for q in (shapely.get_parts(p) if p.geom_type.startswith("Multi") else [p])]
-    return [p for p in flat if p.geom_type == "Polygon" and p.area > SMALLEST]
 
 
 def _room(at: Storeyed, layout: Layout, room: Room, ground: BaseGeometry, parts: list[Polygon]) -> RoomPart:
     ifc, key, height = at.ifc, f"{at.key}/room {room.id}", room_height(layout, room)
     measured = room.ceiling_height is not None or layout.ceiling_height is not None
     kind = {"PredefinedType": "SPACE"} if ifc.schema == "IFC4" else {"InteriorOrExteriorSpace": "INTERNAL"}
-    outlines = [ifc.polyline(np.asarray(part.exterior.coords)[:-1], closed=True) for part in parts]
-    foot = ifc.representation(ifc.foot, "FootPrint", "Curve2D", outlines)
+    foot = ifc.outline(parts)
     space = ifc.root(
         "IfcSpace",
         key,
@@ -112,15 +113,14 @@ def _ceiling(at: Storeyed, key: str, room: Room, parts: list[Polygon], height: f
     return ceiling
 
 
-def add_floor(at: Storeyed, rooms: Sequence[RoomPart], walls: Sequence[WallPart]) -> list[Entity]:
+def add_floor(at: Storeyed, rooms: Sequence[RoomPart], walls: Sequence[WallPart]) -> list[Slab]:
     """IfcSlab under rooms and walls, its upper side at the floor; one for each part that hangs together."""
     import shapely
 
     ifc = at.ifc
-    ground = shapely.union_all([room.polygon for room in rooms] + [wall.solid.footprint for wall in walls])
-    ground = ground.buffer(SEAM, join_style="mitre").buffer(-SEAM, join_style="mitre")
+    ground = _closed(shapely.union_all([room.polygon for room in rooms] + [wall.solid.footprint for wall in walls]))
     slabs = []
-    for n, part in enumerate(sorted(polygons(ground), key=lambda p: (-round(p.area, 6), p.bounds))):
+    for n, part in enumerate(sorted(polygons(ground, SMALLEST), key=lambda p: (-round(p.area, 6), p.bounds))):
         key = f"{at.key}/floor {n}"
         slab = ifc.root(
             "IfcSlab",
@@ -139,12 +139,23 @@ def add_floor(at: Storeyed, rooms: Sequence[RoomPart], walls: Sequence[WallPart]
             "GrossVolume": ("Volume", float(part.area) * SLAB),
         }
         ifc.quantities(key, slab, "Qto_SlabBaseQuantities", sizes)
-        slabs.append(slab)
+        slabs.append(Slab(part, slab))
     return slabs
 
 
+def _closed(ground: BaseGeometry) -> BaseGeometry:
+    """Without gaps and holes narrower than twice SEAM; holes one by one, as a buffer of thousands takes minutes."""
+    import shapely
+
+    filled = shapely.union_all([shapely.Polygon(part.exterior) for part in polygons(ground)])
+    holes = np.array(polygons(shapely.difference(filled, ground)), dtype=object)
+    wide = shapely.buffer(shapely.buffer(holes, -SEAM, join_style="mitre"), SEAM, join_style="mitre")
+    outer = filled.buffer(SEAM, join_style="mitre").buffer(-SEAM, join_style="mitre")
+    return shapely.difference(outer, shapely.union_all(wide))
+
+
 def add_objects(at: Storeyed, layout: Layout) -> list[Entity]:
-    """Furniture: a prism as high as images show it, else its outline on the floor only."""
+    """Furniture: a prism as high as images show it, else as high as a table, pale."""
     return [thing for item in layout.objects if (thing := _object(at, item)) is not None]
 
 
@@ -152,16 +163,14 @@ def _object(at: Storeyed, item: FloorObject) -> Entity | None:
     import shapely
 
     ifc, key = at.ifc, f"{at.key}/object {item.id}"
-    parts = polygons(shapely.make_valid(shapely.Polygon(item.footprint)))
+    parts = polygons(shapely.make_valid(shapely.Polygon(item.footprint)), SMALLEST)
     if not parts:
         return None
-    outlines = [ifc.polyline(np.asarray(part.exterior.coords)[:-1], closed=True) for part in parts]
-    foot = ifc.representation(ifc.foot, "FootPrint", "Curve2D", outlines)
-    if item.top is not None and item.top > item.bottom:
-        solids = [ifc.extrusion(shapely.orient_polygons(part), item.bottom, item.top - item.bottom) for part in parts]
-        shape = ifc.shape(solids, "object", [foot])
-    else:
-        shape = ifc.create("IfcProductDefinitionShape", Representations=[foot])
+    foot = ifc.outline(parts)
+    known = item.top is not None and item.top > item.bottom
+    bottom, top = (item.bottom, float(item.top or 0.0)) if known else (0.0, TABLE)
+    solids = [ifc.extrusion(shapely.orient_polygons(part), bottom, top - bottom) for part in parts]
+    shape = ifc.shape(solids, "object" if known else "assumed object", [foot])
     thing = ifc.root(
         "IfcFurniture" if ifc.schema == "IFC4" else "IfcFurnishingElement",
         key,
@@ -169,6 +178,6 @@ def _object(at: Storeyed, item: FloorObject) -> Entity | None:
         ObjectPlacement=ifc.placement(at.storey.ObjectPlacement),
         Representation=shape,
     )
-    source = "unknown" if item.top is None else "image"
-    ifc.properties(key, [thing], "Recon_Measurement", {"HeightSource": ("IfcLabel", source)})
+    source = ("IfcLabel", "image" if known else "assumed")
+    ifc.properties(key, [thing], "Recon_Measurement", {"HeightSource": source})
     return thing

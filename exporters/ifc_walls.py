@@ -109,7 +109,6 @@ def _local(solid: WallSolid, polygon: Polygon) -> Polygon:
 
 def _wall(at: Storeyed, number: int, solid: WallSolid, cuts: list[_Cut]) -> WallPart:
     ifc, key = at.ifc, f"{at.key}/wall {number}"
-    inferred = all(face.source == "inferred" for face in solid.faces)
     footprint = _local(solid, solid.footprint)
     axis = ifc.polyline([(0.0, 0.0), (solid.length, 0.0)])
     line = ifc.representation(ifc.axis, "Axis", "Curve2D", [axis])
@@ -120,31 +119,19 @@ def _wall(at: Storeyed, number: int, solid: WallSolid, cuts: list[_Cut]) -> Wall
         key,
         " ".join(f"wall_{face.id:03d}" for face in solid.faces),
         ObjectPlacement=place,
-        Representation=ifc.shape([body], "inferred wall" if inferred else "wall", [line]),
+        Representation=ifc.shape([body], "inferred wall" if inferred(solid) else "wall", [line]),
         Tag=f"{number:03d}",
-        **({"PredefinedType": "SOLIDWALL"} if ifc.schema == "IFC4" and not inferred else {}),
+        **({"PredefinedType": "SOLIDWALL"} if ifc.schema == "IFC4" and not inferred(solid) else {}),
     )
     openings = tuple(_opening(at, solid, wall, place, cut, footprint) for cut in cuts)
-    _material(at, key, solid, wall)
     ifc.properties(key, [wall], "Recon_Measurement", _known(solid))
     ifc.quantities(key, wall, "Qto_WallBaseQuantities", _sizes(solid, openings))
     return WallPart(solid, wall, openings)
 
 
-def _material(at: Storeyed, key: str, solid: WallSolid, wall: Entity) -> None:
-    """One layer as thick as the wall, about its middle line."""
-    ifc, thick = at.ifc, round(solid.thickness, 4)
-    layer = ifc.create("IfcMaterialLayer", Material=ifc.unknown_material, LayerThickness=thick)
-    name = f"Wall {1000 * thick:.0f} mm" + ("" if solid.seen else " (assumed)")
-    layers = ifc.create("IfcMaterialLayerSet", MaterialLayers=[layer], LayerSetName=name)
-    usage = ifc.create(
-        "IfcMaterialLayerSetUsage",
-        ForLayerSet=layers,
-        LayerSetDirection="AXIS2",
-        DirectionSense="POSITIVE",
-        OffsetFromReferenceLine=round(-thick / 2, 4),
-    )
-    ifc.root("IfcRelAssociatesMaterial", key, RelatedObjects=[wall], RelatingMaterial=usage)
+def inferred(solid: WallSolid) -> bool:
+    """Whether nobody saw any of a wall's faces."""
+    return all(face.source == "inferred" for face in solid.faces)
 
 
 def _known(solid: WallSolid) -> dict[str, Value]:
@@ -215,20 +202,24 @@ def _opening(
     ifc.root("IfcRelVoidsElement", key, RelatingBuildingElement=wall, RelatedOpeningElement=void)
     filling = None
     if doorway.type != "passage":
-        filling = _filling(at, key, doorway, place, (width, height, 0.5 * (back + front)))
+        filling = _filling(at, key, doorway, place, (width, height, 0.5 * (back + front)), front - back)
         ifc.root("IfcRelFillsElement", key, RelatingOpeningElement=void, RelatedBuildingElement=filling)
     return Opening(doorway, void, filling, width * height, float(way.area) * height)
 
 
-def _filling(at: Storeyed, key: str, doorway: Doorway, place: Entity, size: tuple[float, float, float]) -> Entity:
-    """IfcDoor or IfcWindow in its void. size: width, height, and y of its middle, m."""
+def _filling(
+    at: Storeyed, key: str, doorway: Doorway, place: Entity, size: tuple[float, float, float], deep: float
+) -> Entity:
+    """IfcDoor or IfcWindow in its void. size: width, height, and y of its middle, m; deep: m, the wall's thickness."""
     import shapely
 
     ifc, (width, height, middle) = at.ifc, size
-    half = LEAF[doorway.type] / 2
+    half = min(LEAF[doorway.type], deep) / 2
     slab = ifc.extrusion(shapely.box(0.0, middle - half, width, middle + half), 0.0, height)
     kind, style = ("IfcDoor", "door") if doorway.type == "door" else ("IfcWindow", "glass")
     more = {"PredefinedType": doorway.type.upper()} if ifc.schema == "IFC4" else {}
+    if ifc.schema == "IFC4":
+        more["OperationType" if doorway.type == "door" else "PartitioningType"] = "NOTDEFINED"
     thing = ifc.root(
         kind,
         key,

@@ -20,6 +20,7 @@ from recon.cli.export import export
 from recon.cli.floorplan import floorplan
 from recon.cli.inspect import inspect
 from recon.cli.options import examples
+from recon.cli.report import report
 from recon.cli.simulate import simulate
 from recon.cli.view import view
 from recon.errors import ReconError
@@ -40,7 +41,7 @@ def recon() -> None:
     """Offline indoor 3D reconstruction from a camera and a 2D LiDAR."""
 
 
-for _command in (build, floorplan, convert, export, evaluate, inspect, simulate, bench, check, view):
+for _command in (build, floorplan, convert, export, evaluate, inspect, simulate, bench, check, report, view):
     recon.add_command(_command)
 
 

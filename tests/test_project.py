@@ -64,6 +64,7 @@ def test_every_command_has_help_with_examples() -> None:
         "export",
         "floorplan",
         "inspect",
+        "report",
         "simulate",
         "view",
     ]

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import base64
 import html
+import json
 import re
 import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 from small_build import Small
 
+from recon.errors import InputError
+from recon.geometry import rotation2
 from recon.report import write_report
-from recon.report.frames import shrunk
+from recon.report.charts import thinned
+from recon.report.svg import Frame
+from recon.results import load_model, save_result
+from recon.results.photos import shrunk
 from recon.sequence.camera import Camera
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -58,12 +69,111 @@ def test_a_build_without_images_has_a_report(small: Small, tmp_path: Path) -> No
     model = replace(small.build.model, faces=bare)
     sequence = replace(small.build.sequence, images=None, camera=None)
     blind = replace(small.build, model=model, sequence=sequence, calibration=None, map_from_camera=())
-    write_report(blind, tmp_path)
-    page = read(tmp_path)
+    save_result(blind, tmp_path / "blind.recon")
+    page = read(tmp_path / "blind.recon")
     assert "Photos beside the model" not in page and "The model" in page
     nothing = replace(blind.model, faces=(), layout=replace(blind.model.layout, walls=(), rooms=(), openings=()))
-    write_report(replace(blind, model=nothing), tmp_path)
-    assert "<h2>The model</h2>" not in read(tmp_path) and "<h2>Time</h2>" in read(tmp_path)
+    save_result(replace(blind, model=nothing), tmp_path / "nothing.recon")
+    page = read(tmp_path / "nothing.recon")
+    assert "<h2>The model</h2>" not in page and "<h2>Time</h2>" in page
+
+
+def outside_links(page: str) -> str:
+    """The page without the paragraph of files."""
+    return re.sub(r"<p>Files: .*?</p>", "", page)
+
+
+def test_written_again_it_is_the_same_but_for_files_that_are_not_there(
+    small: Small, tmp_path: Path, run_recon: Callable[..., Any]
+) -> None:
+    there = tmp_path / "far" / "away"
+    there.mkdir(parents=True)
+    done = run_recon("report", small.folder, "-o", there / "r.html")
+    assert done.status == 0, done.errors
+    page = (there / "r.html").read_text(encoding="utf-8")
+    assert outside_links(page) == outside_links(read(small.folder))
+    targets = re.findall(r'<a href="([^"]*)"', page)
+    assert targets and all((there / unquote(target)).exists() for target in targets)
+    assert not any("usd" in target for target in targets)  # was named, and never exported here
+
+
+def test_images_left_out_are_shown_once_they_were_compared(small: Small, tmp_path: Path) -> None:
+    folder = tmp_path / "m.recon"
+    shutil.copytree(small.folder, folder)
+    (folder / "views").mkdir()
+    picture = np.full((30, 3000, 3), 90, np.uint8)
+    views = []
+    for k, psnr in enumerate((21.0, 30.0, 25.0, 18.5)):
+        cv2.imwrite(str(folder / "views" / f"{k}.jpg"), picture)
+        views.append({"image": f"images/{k}.png", "psnr": psnr})
+    means = {"psnr": 23.6, "ssim": 0.9, "sharpness": 0.8, "coverage": 0.97}
+    (folder / "views" / "scores.json").write_text(json.dumps({**means, "views": views}), encoding="utf-8")
+    write_report(folder)
+    part = read(folder).split("<h2>Images left out</h2>")[1].split("<h2>")[0]
+    assert "4 images" in part and "23.6 dB" in part and "97%" in part
+    assert re.findall(r"<figcaption>([^<]*)", part) == [
+        "3.png, worst: 18.5 dB",
+        "0.png, middling: 21.0 dB",
+        "1.png, best: 30.0 dB",
+    ]
+    data = base64.b64decode(re.search(r'base64,([^"]*)"', part)[1])  # type: ignore[index]
+    shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert shown is not None and shown.shape[1] == 1440
+
+
+def test_damaged_results_are_named(small: Small, tmp_path: Path, run_recon: Callable[..., Any]) -> None:
+    folder = tmp_path / "m.recon"
+    shutil.copytree(small.folder, folder)
+    (folder / "metrics.json").write_text('{"seconds": 3}', encoding="utf-8")
+    with pytest.raises(InputError, match=r"metrics.json: is damaged"):
+        write_report(folder)
+    assert read(folder) == read(small.folder)
+    (folder / "metrics.json").unlink()
+    done = run_recon("report", folder)
+    assert done.status == 2 and "metrics.json: no such file" in done.errors[-1]
+    done = run_recon("report", tmp_path / "nowhere")
+    assert done.status == 2 and len(done.errors) == 1 and "nowhere" in done.errors[0]
+    done = run_recon("report", small.folder, "-o", tmp_path / "report.pdf")
+    assert done.status == 2 and "expected .html" in done.errors[-1]
+
+
+def test_the_map_has_every_wall_where_it_is(small: Small) -> None:
+    """Lengths in the picture are those of the walls, at one scale."""
+    page = read(small.folder)
+    drawn = re.findall(r'<path class="wall"[^>]* d="M([^"]*)"><title>wall (\d+), (\w+),', page)
+    walls = {wall.id: wall for wall in load_model(small.folder).layout.walls}
+    assert sorted(int(name) for _, name, _ in drawn) == sorted(walls)
+    scales = []
+    for d, name, source in drawn:
+        a, b = (np.array(p.split(","), float) for p in d.split())
+        wall = walls[int(name)]
+        assert source == wall.source
+        step = (b - a) * [1, -1]
+        scales.append(np.linalg.norm(step) / wall.length)
+        assert step / np.linalg.norm(step) == pytest.approx(wall.direction, abs=0.01)
+    assert np.ptp(scales) < 0.01 * np.mean(scales)
+
+
+@given(st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=2, max_size=20), st.floats(-3, 3))
+@settings(deadline=None, max_examples=50)
+def test_a_frame_holds_its_points_and_keeps_their_distances(points: list[tuple[float, float]], angle: float) -> None:
+    turn, there = rotation2(angle), np.array(points)
+    assume(float(np.ptp(there @ turn.T, axis=0)[0]) > 1.0)
+    frame = Frame.around(there @ turn.T, 400, turn)
+    places = frame.place(there)
+    assert (places > 0).all() and (places < [frame.width, frame.height]).all()
+    apart = np.linalg.norm(np.diff(there, axis=0), axis=1)
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1) == pytest.approx(frame.scale * apart, abs=1e-6)
+
+
+def test_long_charts_keep_their_mean_square() -> None:
+    times = np.arange(10_000.0)
+    values = np.sin(times / 900)
+    values[::7] = np.nan
+    x, y = thinned(times, values)
+    assert len(x) == 400 and (np.diff(x) > 0).all()
+    assert np.mean(y**2) == pytest.approx(np.nanmean(values**2), rel=1e-3)
+    assert thinned(times[:5], values[:5])[0] == pytest.approx([1, 2, 3, 4])
 
 
 def test_a_shrunk_camera_sees_the_same() -> None:

@@ -2,60 +2,54 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
+import posixpath
 from html import escape
-from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import numpy as np
 
 from recon.model import Layout
 from recon.report.html import listing, section
+from recon.results.record import Record
 
-if TYPE_CHECKING:
-    from recon.pipeline import Build
-
-FILES = ("layout.json", "trajectory.txt", "textures", "metrics.json")
+FILES = ("layout.json", "trajectory.txt", "textures", "metrics.json", "config.toml")
 """Of the result folder, worth a link."""
 
 
-def facts(build: Build) -> str:
+def facts(record: Record) -> str:
     """The largest numbers."""
-    layout, calibration = build.model.layout, build.calibration
+    layout, calibration = record.model.layout, record.calibration
     measured = [w.sigma_offset for w in layout.walls if w.source != "inferred"]
     found = [
         (f"{sum(w.length for w in layout.walls):.1f} m", f"of wall in {len(layout.walls)} walls"),
         (f"{len(layout.rooms)}", "room" if len(layout.rooms) == 1 else "rooms"),
         (f"{sum(room.area for room in layout.rooms):.1f} m\u00b2", "of floor"),
-        (f"{len(layout.openings)}", "doors and openings"),
+        (f"{len(layout.openings)}", "door or opening" if len(layout.openings) == 1 else "doors and openings"),
         (f"{layout.extrusion_height:.2f} m", "high" if layout.ceiling_height is not None else "high (assumed)"),
     ]
     if measured:
         found.append((f"{np.median(measured) * 1000:.1f} mm", "standard deviation of a wall, median"))
-    if calibration is not None:
-        height = calibration.platform_from_camera.translation[2]
-        found.append((f"{height:.3f} m", f"camera height ({calibration.source})"))
-        if calibration.time_offset:
-            found.append((f"{1000 * calibration.time_offset:+.0f} ms", "added to image stamps: the camera's clock"))
+    if calibration is not None and record.camera_height is not None:
+        found.append((f"{record.camera_height:.3f} m", f"camera height ({calibration['source']})"))
+        if offset := calibration.get("time_offset"):
+            found.append((f"{1000 * offset:+.0f} ms", "added to image stamps: the camera's clock"))
     return '<ul class="facts">' + "".join(f"<li><b>{v}</b><span>{n}</span></li>" for v, n in found) + "</ul>"
 
 
-def links(folder: Path, target: Path, outputs: Sequence[Path]) -> str:
-    """The exported files, and those of the result folder, as links relative to where the report will lie.
-
-    folder: where the result is written now; target: the name that it will have."""
-    there = [Path(os.path.relpath(path.absolute(), target.absolute())) for path in outputs]
-    own = [Path(name) for name in FILES if (folder / name).exists()]
-    items = [f'<a href="{quote(path.as_posix())}">{escape(path.name)}</a>' for path in (*there, *own)]
+def links(record: Record, home: str) -> str:
+    """The exported files, and those of the result folder; home: the way to that folder from the report's place."""
+    own = [name for name in FILES if (record.folder / name).exists()]
+    items = []
+    for name in (*record.outputs, *own):
+        target = posixpath.normpath(posixpath.join(home, name))
+        items.append(f'<a href="{quote(target)}">{escape(posixpath.basename(name))}</a>')
     return "<p>Files: " + ", ".join(items) + "</p>" if items else ""
 
 
-def messages(build: Build) -> str:
+def messages(record: Record) -> str:
     """Warnings, with what mends them, and what was assumed where nothing was seen."""
-    assumed = [*build.model.notes, *_assumed(build.model.layout)]
-    return section("Warnings", listing(build.warnings)) + section("What was assumed", listing(assumed))
+    assumed = [*record.model.notes, *_assumed(record.model.layout)]
+    return section("Warnings", listing(record.warnings)) + section("What was assumed", listing(assumed))
 
 
 def _assumed(layout: Layout) -> list[str]:

@@ -61,7 +61,7 @@ def _scene(model: Model) -> trimesh.Scene:
     content = write_glb(open_top, "house", ExportOptions(texture_size=_texture_size(len(open_top.faces)))).content
     scene = trimesh.load_scene(io.BytesIO(content), file_type="glb")
     _lighten(scene)
-    scene.camera = trimesh.scene.Camera(resolution=(1600, 1000), fov=(1.6 * FIELD_OF_VIEW, FIELD_OF_VIEW))
+    scene.camera = trimesh.scene.Camera("eye", (1600, 1000), fov=(1.6 * FIELD_OF_VIEW, FIELD_OF_VIEW))
     scene.camera_transform = _eye(np.asarray(scene.bounds))
     return scene
 

@@ -19,17 +19,46 @@ body { margin: 0 auto; max-width: 70rem; padding: 1rem; background: var(--paper)
   font: 16px/1.5 system-ui, sans-serif; overflow-wrap: anywhere; }
 h1 { font-size: 1.6rem; margin: 0.5rem 0; } h2 { font-size: 1.15rem; margin: 2rem 0 0.5rem; }
 a { color: var(--link); }
-img, svg { max-width: 100%; height: auto; } .plan, .house { background: #fff; border-radius: 6px; }
-.plan { display: block; } .plan svg { display: block; }
-iframe { display: block; width: 100%; aspect-ratio: 8 / 5; border: 0; border-radius: 6px; background: #fff; }
+img, svg { max-width: 100%; height: auto; }
+.house, .sketch, .map, .sheet svg { display: block; background: #fff; border-radius: 6px; }
+iframe { display: block; width: 100%; aspect-ratio: 8 / 5; min-height: 20rem; border: 0; border-radius: 6px;
+  background: #fff; }
 summary { cursor: pointer; padding: 0.4rem 0; color: var(--link); }
 .facts { display: flex; flex-wrap: wrap; gap: 0.5rem 2rem; margin: 1rem 0; padding: 0; list-style: none; }
-.facts b { display: block; font-size: 1.3rem; } .facts span, figcaption { color: var(--soft); font-size: 0.9rem; }
+.facts b { display: block; font-size: 1.3rem; }
+.facts span, figcaption, .key, .along, .up { color: var(--soft); font-size: 0.9rem; }
 .views { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(16rem, 100%), 1fr)); gap: 0.75rem; }
-figure { margin: 0; } .wide { margin-bottom: 0.75rem; } .scroll { overflow-x: auto; }
+figure { margin: 0; } .wide { margin-bottom: 0.75rem; } .scroll { overflow: auto; max-height: 90vh; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 td, th { border-bottom: 1px solid var(--line); padding: 0.2rem 0.8rem 0.2rem 0; text-align: right; }
 td:first-child, th:first-child { text-align: left; }
+.full { display: block; color: var(--soft); font-size: 0.9rem; padding: 0.2rem 0; }
+.sheet:has(input:checked) svg { max-width: none; }
+.sketch { display: none; width: 100%; color: #1c1e21; font-family: system-ui, sans-serif; }
+.sketch .walls { fill: #2b3038; fill-rule: evenodd; } .sketch .unseen { fill: #a9b0b8; fill-rule: evenodd; }
+.sketch text { text-anchor: middle; } .sketch .name { font-weight: 600; }
+.map, .map + .key { width: 100%; } .map { max-height: 90vh; }
+.map path { fill: none; vector-effect: non-scaling-stroke; } .map .wall { stroke-width: 2.5; }
+.map .way { stroke: #1f6feb; stroke-width: 1.2; } .map .start { fill: #1f6feb; }
+.map .loops { stroke: #2e9e4f; stroke-width: 1; } .map path.ruler { stroke: #1c1e21; stroke-width: 1.5; }
+.map text.ruler { font: 26px system-ui, sans-serif; fill: #1c1e21; }
+.key { display: flex; flex-wrap: wrap; gap: 0.2rem 1.2rem; margin: 0.4rem 0; }
+.key i { display: inline-block; width: 1.2rem; height: 3px; margin-right: 0.4rem; vertical-align: middle; }
+.key .way { background: #1f6feb; } .key .loops { background: #2e9e4f; }
+.key .inferred { border-top: 2px dashed #8a9199; }
+.key .bar { width: 5rem; height: 0.6rem; margin: 0 0.3rem; }
+.charts { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(20rem, 100%), 1fr)); gap: 1rem 1.5rem;
+  align-items: end; }
+.chart svg { flex: 1; min-width: 0; height: 7.5rem; border: solid var(--line); border-width: 0 0 1px 1px; }
+.chart polyline, .chart path { fill: none; stroke-width: 1.4; vector-effect: non-scaling-stroke; }
+.chart .level { stroke: var(--soft); stroke-dasharray: 4 3; } .field { display: flex; gap: 0.4rem; }
+.up { display: flex; flex-direction: column; justify-content: space-between; text-align: right; min-width: 2.6rem; }
+.along { display: flex; justify-content: space-between; padding-left: 3rem; }
+@media (max-width: 45rem) { .sketch { display: block; } .sheet svg { max-width: none; } .full { display: none; }
+  .scroll { max-height: 70vh; } }
+@media print { details, .full { display: none; } .scroll { max-height: none; overflow: visible; }
+  .sketch { display: none; } .sheet svg { max-width: 100%; } figure, tr { break-inside: avoid; }
+  h2 { break-after: avoid; } .key i { print-color-adjust: exact; } body { max-width: none; padding: 0; } }
 """
 """Light and dark as the reader's system has it; narrow screens without scrolling sideways but for tables."""
 

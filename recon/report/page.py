@@ -2,63 +2,64 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from recon.drawing import Drawing, render_drawing
+from recon.errors import OutputError
 from recon.exporters.svg import write_svg
+from recon.files import atomic_path
 from recon.model import Model
+from recon.report.drive import drive
 from recon.report.facts import facts, links, messages
 from recon.report.frames import frames
 from recon.report.house import house
-from recon.report.html import data_address, page, section
+from recon.report.html import page, section
+from recon.report.sketch import sketch
 from recon.report.tables import control, rooms, tape, time, walls
-
-if TYPE_CHECKING:
-    from recon.pipeline import Build
+from recon.results.record import Record, load_record
 
 
-def write_report(build: Build, folder: Path, target: Path | None = None, outputs: Sequence[Path] = ()) -> None:
-    """Write folder/report.html from a build and the overlays that lie in the folder.
+def write_report(folder: Path, path: Path | None = None) -> None:
+    """Write the report of a result folder anew: to `path`, else to report.html in it. Links lead to what is there.
 
-    target: the name that the folder will have when all is written; outputs: files exported beside it.
+    Raises InputError for a damaged result, OutputError where the report cannot be written.
     """
-    model = build.model
+    place = folder / "report.html" if path is None else path
+    record = load_record(folder)
+    there = tuple(name for name in record.outputs if (folder / name).exists())
+    home = Path(os.path.relpath(folder.absolute(), place.absolute().parent)).as_posix()
+    text = report(replace(record, outputs=there), home)
+    try:
+        with atomic_path(place) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{place}: cannot be written: {error.strerror or error}") from error
+
+
+def report(record: Record, home: str = ".") -> str:
+    """The page; home: the way from where it will lie to the result folder. InputError where pictures are damaged."""
+    model = record.model
     parts = [
-        facts(build),
-        links(folder, folder if target is None else target, outputs),
+        facts(record),
+        links(record, home),
         section("The model", house(model)),
-        section("The plan", f'<div class="plan">{_plan(model)}</div>'),
-        messages(build),
-        section("Trajectory and accuracy", _drawing(build)),
-        frames(build, folder),
-        tape(build),
-        control(build),
+        section("The plan", _plan(model)),
+        messages(record),
+        section("Trajectory and accuracy", drive(record)),
+        frames(record),
+        tape(record),
+        control(record),
         rooms(model.layout),
         walls(model.layout),
-        time(build),
+        time(record),
     ]
-    (folder / "report.html").write_text(page(model.name, parts), encoding="utf-8")
+    return page(model.name, parts)
 
 
 def _plan(model: Model) -> str:
-    """The floorplan's SVG element, without its XML declaration."""
+    """The sheet to scale, which a narrow screen shows in part, and for it a sketch of the whole."""
     text = write_svg(model, "plan").content.decode("utf-8")
-    return text[text.index("<svg") :]
-
-
-def _drawing(build: Build) -> str:
-    """Trajectory, walls by their uncertainty, loop closures and residuals over the map of the scans."""
-    estimate = build.estimate
-    drawing = Drawing(
-        estimate.trajectory,
-        estimate.pose_sigmas,
-        build.model.layout.walls,
-        estimate.trajectory.poses[estimate.closures, :2],
-        dict(estimate.residuals),
-        scan_residuals=estimate.scan_residuals,
-        occupancy=build.model.occupancy,
-    )
-    data = data_address(render_drawing(drawing, "png"), "image/png")
-    return f'<img class="plan" alt="Trajectory and accuracy" src="{data}">'
+    sheet = text[text.index("<svg") :]
+    full = '<label class="full"><input type="checkbox"> as large as on paper</label>'
+    return f'{sketch(model.layout)}<div class="sheet">{full}<div class="scroll" tabindex="0">{sheet}</div></div>'

@@ -2,42 +2,37 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from recon.model import Layout
 from recon.report.html import folded, section, table
-
-if TYPE_CHECKING:
-    from recon.pipeline import Build
+from recon.results.record import Record
 
 
-def tape(build: Build) -> str:
+def tape(record: Record) -> str:
     """Distances measured by hand beside those of the model."""
-    if (tape := build.measured.tape) is None:
-        return ""
-    rows: list[tuple[str, ...]] = [
-        (f"{a} to {b}", f"{d:.3f}", f"{s * 1000:.1f}", f"{m:.3f}", f"{(m - d) * 1000:+.1f}", f"{(m - d) / s:+.1f}")
-        for a, b, d, s, m in zip(tape.first, tape.second, tape.distance, tape.sigma, build.estimate.tape, strict=True)
-    ]
+    rows: list[tuple[str, ...]] = []
+    for row in record.tape:
+        (a, b), measured, sigma, solved = row["walls"], row["measured"], row["sigma"], row["solved"]
+        off = f"{(solved - measured) * 1000:+.1f}", f"{(solved - measured) / sigma:+.1f}"
+        rows.append((f"{a} to {b}", f"{measured:.3f}", f"{sigma * 1000:.1f}", f"{solved:.3f}", *off))
     head = ("walls", "measured, m", "sigma, mm", "model, m", "residual, mm", "residual, sigmas")
-    return section("Measured by hand", table(head, rows))
+    return section("Measured by hand", table(head, rows)) if rows else ""
 
 
-def control(build: Build) -> str:
+def control(record: Record) -> str:
     """Surveyed points beside those of the model, and where the map lies in the survey."""
-    points, survey = build.measured.control, build.estimate.survey
-    if points is None or survey is None:
+    if record.control is None:
         return ""
     rows: list[tuple[str, ...]] = []
-    for name, (x, y), (dx, dy), sigma, kept in zip(
-        points.names, points.position, survey.solved - points.position, points.sigma, survey.kept, strict=True
-    ):
+    for point in record.control["points"]:
+        (x, y), sigma = point["surveyed"], point["sigma"]
+        dx, dy = np.subtract(point["solved"], point["surveyed"])
         off = f"{dx * 1000:+.1f}", f"{dy * 1000:+.1f}", f"{np.hypot(dx, dy) / sigma:.1f}"
-        rows.append((name, f"{x:.3f}", f"{y:.3f}", f"{sigma * 1000:.1f}", *off, "yes" if kept else "left out"))
+        used = "yes" if point["used"] else "left out"
+        rows.append((point["name"], f"{x:.3f}", f"{y:.3f}", f"{sigma * 1000:.1f}", *off, used))
     head = ("point", "x, m", "y, m", "sigma, mm", "residual x, mm", "residual y, mm", "sigmas", "used")
-    x, y, yaw = survey.survey_from_map
+    x, y, yaw = record.control["survey_from_map"]
     place = f"The map's origin is at x {x:.3f} m, y {y:.3f} m of the survey, its x axis at {np.degrees(yaw):.4f} deg."
     return section("Surveyed points", f"<p>{place}</p>" + table(head, rows))
 
@@ -71,8 +66,8 @@ def walls(layout: Layout) -> str:
     return section("Walls", folded(f"{len(rows)} walls", table(head, rows))) if rows else ""
 
 
-def time(build: Build) -> str:
+def time(record: Record) -> str:
     """Seconds of every stage."""
-    rows = [(name, f"{seconds:.2f}") for name, seconds in build.seconds.items()]
-    rows.append(("all", f"{sum(build.seconds.values()):.2f}"))
+    rows = [(name, f"{seconds:.2f}") for name, seconds in record.seconds.items()]
+    rows.append(("all", f"{sum(record.seconds.values()):.2f}"))
     return section("Time", table(("stage", "seconds"), rows))

@@ -33,19 +33,21 @@ def load_model(folder: Path) -> Model:
         raise InputError(f"{folder}: no such folder, expected a result folder of recon build")
     layout = load_layout(folder)
     path = folder / "model.json"
-    content = _json(path)
+    content = read_json(path)
     try:
         faces = tuple(_face(folder, item) for item in content["faces"])
         model = Model(str(content["name"]), layout, faces, tuple(str(note) for note in content["notes"]))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged ({error!r}), expected what recon build wrote") from None
-    trajectory, sigmas = _drive(folder)
+    trajectory, sigmas = load_drive(folder)
     occupancy, cloud = load_occupancy(folder), load_cloud(folder / CLOUD)
     return replace(model, trajectory=trajectory, pose_sigmas=sigmas, occupancy=occupancy, cloud=cloud)
 
 
-def _drive(folder: Path) -> tuple[Trajectory | None, Array]:
-    """The trajectory of the platform and the standard deviations (N, 3) or (0, 3) of its poses."""
+def load_drive(folder: Path) -> tuple[Trajectory | None, Array]:
+    """The platform's trajectory and the standard deviations (N, 3) or (0, 3) of its poses.
+
+    Raises InputError where a file is damaged."""
     path = folder / "trajectory.txt"
     trajectory = read_planar(path) if path.exists() else None
     sigmas = read_sigmas(folder)[:, 1:]
@@ -58,7 +60,7 @@ def _drive(folder: Path) -> tuple[Trajectory | None, Array]:
 def load_layout(folder: Path) -> Layout:
     """layout.json of a result folder; InputError as `load_model`."""
     path = folder / "layout.json"
-    return layout_from_json(_json(path), str(path))
+    return layout_from_json(read_json(path), str(path))
 
 
 def load_survey(folder: Path) -> tuple[float, float, float] | None:
@@ -67,7 +69,7 @@ def load_survey(folder: Path) -> tuple[float, float, float] | None:
     Raises InputError where metrics.json is damaged.
     """
     path = folder / "metrics.json"
-    content = _json(path) if path.exists() else {}
+    content = read_json(path) if path.exists() else {}
     try:
         control = content.get("control")
         if control is None:
@@ -81,14 +83,15 @@ def load_survey(folder: Path) -> tuple[float, float, float] | None:
 def load_residuals(folder: Path) -> dict[str, float]:
     """Residuals by kind of factor from a result's metrics.json, empty without one; InputError where it is damaged."""
     path = folder / "metrics.json"
-    content = _json(path) if path.exists() else {}
+    content = read_json(path) if path.exists() else {}
     try:
         return {str(name): float(value) for name, value in content.get("residuals", {}).items()}
     except (AttributeError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged ({error!r}), expected what recon build wrote") from None
 
 
-def _json(path: Path) -> Any:
+def read_json(path: Path) -> Any:
+    """Content of a JSON file; InputError where it is missing or damaged."""
     try:
         return json.loads(read_text(path))
     except json.JSONDecodeError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import uuid
 from collections.abc import Sequence
@@ -23,6 +24,7 @@ from recon.occupancy import save_occupancy
 from recon.results.accuracy import write_accuracy
 from recon.results.metrics import metrics
 from recon.results.pictures import write_overlays
+from recon.results.record import load_record
 from recon.results.sources import write_sources
 from recon.sequence.extrinsics import write_extrinsics
 from recon.sequence.tum import write_planar, write_tum
@@ -40,13 +42,15 @@ def save_result(build: Build, folder: Path, outputs: Sequence[Path] = ()) -> Non
     """
     if folder.exists() and not (folder.is_dir() and ((folder / "layout.json").is_file() or not any(folder.iterdir()))):
         raise OutputError(f"{folder}: is no result folder of recon, expected one or nothing there")
-    from recon.report import write_report
+    from recon.report import report
+    from recon.results.photos import write_photos
 
     fresh = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}")
     try:
         fresh.mkdir()
-        _write(build, fresh)
-        write_report(build, fresh, folder, outputs)
+        _write(build, fresh, [os.path.relpath(path.absolute(), folder.absolute()) for path in outputs])
+        write_photos(build, fresh)
+        (fresh / "report.html").write_text(report(load_record(fresh, build.model)), encoding="utf-8")
         _replace(folder, fresh)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
@@ -69,7 +73,7 @@ def _replace(folder: Path, fresh: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _write(build: Build, folder: Path) -> None:
+def _write(build: Build, folder: Path, outputs: Sequence[str]) -> None:
     _write_json(folder / "layout.json", layout_to_json(build.model.layout))
     write_planar(folder / "trajectory.txt", build.estimate.trajectory, "platform frame in the map frame")
     write_accuracy(folder, build.estimate)
@@ -84,7 +88,7 @@ def _write(build: Build, folder: Path) -> None:
     _write_model(folder, build.model)
     _write_cameras(build, folder)
     write_overlays(build, folder)
-    _write_json(folder / "metrics.json", metrics(build))
+    _write_json(folder / "metrics.json", {**metrics(build), "outputs": [Path(name).as_posix() for name in outputs]})
 
 
 def _write_cameras(build: Build, folder: Path) -> None:

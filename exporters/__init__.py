@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from recon.errors import OutputError
-from recon.exporters.options import DEFAULTS, ExportOptions, check_options
+from recon.exporters.options import DEFAULTS, PICTURE_FORMATS, ExportOptions, check_options
 from recon.exporters.output import Output
 from recon.files import atomic_path
 
@@ -137,7 +137,7 @@ def export(model: Model, path: Path, options: ExportOptions = DEFAULTS) -> tuple
     notes: tuple[str, ...] = ()
     for level in range(options.lod, -1, -1):
         name = f"{stem}.lod{level}" if level else stem
-        detailed, said = with_detail(model, options, level)
+        detailed, said = with_detail(model, options, level, suffix in PICTURE_FORMATS)
         output = writer(detailed, name, options)
         _put(output, path.with_name(name + path.name[len(stem) :]))
         notes = (*said, *output.notes)

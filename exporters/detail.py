@@ -1,7 +1,8 @@
-"""How much detail an exported model has: the sizes of its pictures."""
+"""How much detail an exported model has: the sizes of its pictures, tiles of those that are too large."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import cv2
@@ -9,25 +10,29 @@ import numpy as np
 
 from recon.exporters.options import ExportOptions
 from recon.model import Face, Model
+from recon.tiles import tiled
 
-MOST_TEXELS = 8192
-"""A side, of any picture: what engines and the file formats of pictures take."""
-MOST_ON_PHONES = 4096
-"""A side, in the profile arkit."""
+MOST_TEXELS = 4096
+"""A side, of any picture: every engine, phone and browser takes that."""
+MOST_WANTED = 8192
+"""A side, where that is asked for."""
 
 
-def with_detail(model: Model, options: ExportOptions, level: int = 0) -> tuple[Model, tuple[str, ...]]:
-    """The model with smaller pictures where options or engines want them, and a line where nobody had asked for it.
+def with_detail(
+    model: Model, options: ExportOptions, level: int = 0, pictures: bool = True
+) -> tuple[Model, tuple[str, ...]]:
+    """The model with faces in tiles where their picture is too large for engines, and a line that says so.
 
-    level: of detail; every picture has half the size of the level before.
+    level: of detail; every picture has half the size of the level before. pictures: whether the format has any.
     """
-    limit = MOST_ON_PHONES if options.usd_profile == "arkit" else MOST_TEXELS
-    size = limit if options.texture_size is None else min(options.texture_size, limit)
-    faces = tuple(_resized(face, size, level) for face in model.faces)
-    changed = sum(a is not b for a, b in zip(faces, model.faces, strict=True))
-    said = options.texture_size is None and level == 0 and changed
-    notes = (f"{changed} pictures were larger than {limit} texels a side and are scaled down to that",) if said else ()
-    return replace(model, faces=faces), notes
+    most = MOST_TEXELS
+    if options.usd_profile != "arkit" and options.texture_size is not None:
+        most = min(max(options.texture_size, MOST_TEXELS), MOST_WANTED)
+    size = most if options.texture_size is None else min(options.texture_size, most)
+    faces = tiled(model.faces, most) if pictures else model.faces
+    parts = Counter(face.tile_of for face in faces if face.tile_of is not None)
+    notes = tuple(f"{name} has {n} pictures, of at most {most} texels a side" for name, n in parts.items())
+    return replace(model, faces=tuple(_resized(face, size, level) for face in faces)), notes if level == 0 else ()
 
 
 def _resized(face: Face, size: int, level: int) -> Face:

@@ -68,7 +68,7 @@ class Document:
 
     def _group(self, group: Group) -> int:
         children = [node for face in group.faces for node in self._nodes(face)]
-        for name, faces in group.openings.items():
+        for name, faces in group.parts.items():
             parts = [node for face in faces for node in self._nodes(face)]
             children.append(self._add("nodes", {"name": name, "children": parts}))
         node: dict[str, Any] = {"name": group.name, "children": children}

@@ -20,18 +20,19 @@ ROOMLESS = "other"
 class Group:
     """Faces of one room, or of none. name: `room_000` or ROOMLESS.
 
-    openings: the faces of every opening in the room's walls, by a name like `opening_003`.
+    parts: the faces of every opening in the room's walls, by a name like `opening_003`, and of every face that is cut
+    into tiles, by its name.
     """
 
     name: str
     room: Room | None
     faces: tuple[Face, ...]
-    openings: dict[str, tuple[Face, ...]]
+    parts: dict[str, tuple[Face, ...]]
 
     @property
     def all_faces(self) -> tuple[Face, ...]:
-        """Floor, ceiling, walls and then the faces of openings."""
-        return self.faces + tuple(face for faces in self.openings.values() for face in faces)
+        """Floor, ceiling, walls and then what comes in parts."""
+        return self.faces + tuple(face for faces in self.parts.values() for face in faces)
 
 
 class Structure:
@@ -78,15 +79,19 @@ class Structure:
         return facts
 
     def _group(self, number: int | None, faces: list[Face]) -> Group:
-        openings: dict[str, tuple[Face, ...]] = {}
-        for face in (f for f in faces if f.opening is not None):
-            name = f"opening_{face.opening:03d}"
-            openings[name] = (*openings.get(name, ()), face)
+        parts: dict[str, tuple[Face, ...]] = {}
+        plain: list[Face] = []
+        for face in faces:
+            name = face.tile_of if face.opening is None else f"opening_{face.opening:03d}"
+            if name is None:
+                plain.append(face)
+            else:
+                parts[name] = (*parts.get(name, ()), face)
         order = {"floor": 0, "ceiling": 1}
-        plain = sorted((f for f in faces if f.opening is None), key=lambda f: order.get(f.kind, 2))
+        plain.sort(key=lambda f: order.get(f.kind, 2))
         if number is None:
-            return Group(ROOMLESS, None, tuple(plain), openings)
-        return Group(f"room_{number:03d}", self._rooms[number], tuple(plain), openings)
+            return Group(ROOMLESS, None, tuple(plain), parts)
+        return Group(f"room_{number:03d}", self._rooms[number], tuple(plain), parts)
 
 
 def room_facts(room: Room) -> dict[str, Any]:

@@ -111,7 +111,7 @@ class _Storey:
             _describe(prim, room_facts(group.room))
         for face in group.faces:
             self.define_face(path, face)
-        for name, faces in group.openings.items():
+        for name, faces in group.parts.items():
             UsdGeom.Xform.Define(self.stage, f"{path}/{name}")
             for face in faces:
                 self.define_face(f"{path}/{name}", face)

@@ -52,10 +52,14 @@ class LayoutConfig:
 
 @dataclass(frozen=True)
 class TextureConfig:
-    """Pictures of faces. metres_per_texel: finest resolution; max_texture_size: pixels a side, coarser if it must."""
+    """Pictures of faces. metres_per_texel: finest resolution.
+
+    max_texture_size: a picture has no more pixels than a square of this side, coarser if it must. Sides may be longer:
+    files have a large picture in tiles (`recon.tiles`).
+    """
 
     metres_per_texel: float = 0.005
-    max_texture_size: int = 4096
+    max_texture_size: int = 8192
 
 
 @dataclass(frozen=True)

@@ -189,6 +189,7 @@ class Face:
     texture: (H, W, 3) uint8 RGB, row 0 is the top, or None: a clean neutral material (`neutral_colour`).
     seen_fraction: share of texels that an image saw, the rest was filled.
     sources: (H, W) int32, index of the image that most of a texel is from, -1 where it was filled (`filled`).
+    tile_of: name of the face that this one is a part of, its picture a part of the whole (`recon.tiles`).
     """
 
     name: str
@@ -202,6 +203,7 @@ class Face:
     seen_fraction: float = 0.0
     sources: NDArray[np.int32] | None = field(default=None, kw_only=True)
     opening: int | None = None
+    tile_of: str | None = field(default=None, kw_only=True)
 
     @property
     def filled(self) -> NDArray[np.bool_] | None:

@@ -120,16 +120,6 @@ def test_levels_of_detail_are_files_of_their_own(tmp_path: Path) -> None:
     assert sizes == [(100, 50), (50, 25), (25, 12)]
 
 
-def test_pictures_beyond_what_engines_take_are_scaled_and_said(tmp_path: Path) -> None:
-    model = open_house()
-    large = replace(model.faces[0], texture=np.zeros((20, 9000, 3), np.uint8))
-    notes = export(replace(model, faces=(large, *model.faces[1:])), tmp_path / "model.glb")
-    assert len(notes) == 1 and "8192" in notes[0] and "model.glb" in notes[0]
-    assert export(model, tmp_path / "model.glb") == ()
-    scene = trimesh.load_scene(tmp_path / "model.glb")
-    assert scene.geometry["wall_000"].visual.material.baseColorTexture.size == (100, 50)
-
-
 @pytest.mark.parametrize("most", [400, 5000])
 def test_most_triangles_of_a_ply(most: int, tmp_path: Path) -> None:
     assert export(open_house(), tmp_path / "house.ply", ExportOptions(max_triangles=most)) == ()

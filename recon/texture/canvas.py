@@ -16,6 +16,8 @@ BLOCK = 8
 """Texels a side of a block: views are chosen a block at a time."""
 SHIFT = 4
 """Bits of fraction of the corners when triangles are filled."""
+LONGEST = 32000
+"""Texels a side of a picture: OpenCV's maps and polygons end at 32767."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,12 @@ class Plane:
         return np.asarray(n / np.linalg.norm(n))
 
 
+def limit(plane: Plane, max_size: int) -> float:
+    """Metres per texel at which a picture has as many as a square of `max_size` a side, none side over LONGEST."""
+    width, height = plane.size
+    return max(float(np.sqrt(width * height)) / max_size, max(width, height) / LONGEST)
+
+
 @dataclass(frozen=True)
 class Canvas:
     """A picture of width x height texels on a face. Texel (row, column) has its centre at integer coordinates."""
@@ -56,10 +64,10 @@ class Canvas:
 
     @staticmethod
     def of(face: Face, metres_per_texel: float, max_size: int) -> Canvas:
-        """At this resolution, or coarser where a side would have more than `max_size` texels."""
+        """At this resolution, or coarser where there would be more texels than `limit` allows."""
         plane = Plane.of(face)
-        coarsest = max(metres_per_texel, max(plane.size) / max_size)
-        width, height = (min(max(int(np.ceil(side / coarsest)), 1), max_size) for side in plane.size)
+        coarsest = max(metres_per_texel, limit(plane, max_size))
+        width, height = (min(max(int(np.ceil(side / coarsest - 1e-9)), 1), LONGEST) for side in plane.size)
         return Canvas(face, plane, width, height)
 
     @property

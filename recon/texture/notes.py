@@ -8,7 +8,7 @@ import numpy as np
 
 from recon.config import TextureConfig
 from recon.model import Face
-from recon.texture.canvas import Plane
+from recon.texture.canvas import Plane, limit
 
 KINDS = ("wall", "floor", "ceiling", "door", "window")
 """Faces worth a word: the narrow sides of openings are not."""
@@ -37,7 +37,7 @@ def texture_notes(faces: tuple[Face, ...], config: TextureConfig) -> tuple[str, 
         (far, f"Images see {{}} from afar or at a grazing angle: coarser than {COARSE:g} x {_mm(config)} a texel."),
         (
             [f.name for f in limited],
-            f"Pictures have at most {config.max_texture_size} pixels a side: {{}} coarser than {_mm(config)} a texel.",
+            f"Pictures have at most {_most(config)} pixels: {{}} coarser than {_mm(config)} a texel.",
         ),
     ]
     return tuple(text.format(_listed(names)) for names, text in notes if names)
@@ -52,7 +52,11 @@ def _images(face: Face) -> int:
 
 def _limit(face: Face, config: TextureConfig) -> float:
     """Metres per texel at the largest size allowed."""
-    return max(Plane.of(face).size) / config.max_texture_size
+    return limit(Plane.of(face), config.max_texture_size)
+
+
+def _most(config: TextureConfig) -> str:
+    return f"{config.max_texture_size} x {config.max_texture_size}"
 
 
 def _mm(config: TextureConfig) -> str:

@@ -19,6 +19,12 @@ OPTIONS: dict[str, Any] = {
     "lod": click.option(
         "--lod", type=click.IntRange(0, 8), help="Levels of detail: model.lod1.glb ... have smaller pictures."
     ),
+    "ceiling": click.option(
+        "--no-ceiling", "ceiling", is_flag=True, flag_value=False, default=None, help="Open above."
+    ),
+    "outside": click.option(
+        "--outside", is_flag=True, default=None, help="Backs of walls, roof and underside as well, in a plain colour."
+    ),
     "engine": click.option(
         "--engine", type=click.Choice(["godot", "unreal", "unity"]), help="Whose collision names glTF has."
     ),

@@ -132,8 +132,10 @@ def export(model: Model, path: Path, options: ExportOptions = DEFAULTS) -> tuple
         _put(output, path)
         return tuple(f"{path.name}: {note}" for note in output.notes)
     from recon.exporters.detail import with_detail
+    from recon.exporters.enclosure import enclosed
 
     check_options([path], options)
+    model = model if suffix == ".stl" else enclosed(model, options)
     notes: tuple[str, ...] = ()
     for level in range(options.lod, -1, -1):
         name = f"{stem}.lod{level}" if level else stem
@@ -149,9 +151,10 @@ def export_building(building: Building, path: Path, options: ExportOptions = DEF
     writer, suffix = building_writer_for(path), suffix_of(path)
     if suffix in MESHES:
         from recon.exporters.detail import with_detail
+        from recon.exporters.enclosure import enclosed
 
         check_options([path], options)
-        storeys = tuple(replace(s, model=with_detail(s.model, options)[0]) for s in building.storeys)
+        storeys = tuple(replace(s, model=with_detail(enclosed(s.model, options), options)[0]) for s in building.storeys)
         building = replace(building, storeys=storeys)
     _put(writer(building, path.name[: -len(suffix)], options), path)
 

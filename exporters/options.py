@@ -31,6 +31,8 @@ class ExportOptions:
     texture_size: most texels a side, texture_format: of pictures in or beside a mesh format. max_triangles: most
     triangles where a format has a choice (PLY). lod: coarser copies of the file, each with pictures of half the size.
     engine: whose names for collision shapes and light-map coordinates glTF has, None for no engine in particular.
+    ceiling: whether ceilings are there. outside: whether backs and tops of all walls, roof and underside
+    are, too.
     usd_profile: "arkit" (Y up, for phones) or "simready" (with collision and labels, for simulators). stl_units: of
     STL, which cannot say them. drawing: scale, paper, units and layers of plans (DXF, SVG, PDF, PNG).
     """
@@ -42,6 +44,8 @@ class ExportOptions:
     texture_format: TextureFormat = "jpg"
     max_triangles: int | None = None
     lod: int = 0
+    ceiling: bool = True
+    outside: bool = False
     engine: Engine | None = None
     usd_profile: UsdProfile | None = None
     stl_units: StlUnits = "m"

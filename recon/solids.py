@@ -15,7 +15,7 @@ from recon.holes import wall_heights
 from recon.model import Layout, Wall
 from recon.plan import DRAWN_THICKNESS
 from recon.polygons import areas, polygons
-from recon.strips import FLATTEST, Strip, grouped_strips, strips_of
+from recon.strips import FLATTEST, Strip, grouped_strips, strips_of, without_touching
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -89,7 +89,7 @@ def wall_solids(layout: Layout) -> tuple[WallSolid, ...]:
     `recon.plan.DRAWN_THICKNESS` thick.
     """
     walls = [wall for wall in layout.walls if wall.length > CORNER]
-    groups = [_Group(walls, strips) for strips in grouped_strips(strips_of(walls))]
+    groups = [_Group(walls, strips) for strips in grouped_strips(without_touching(walls, strips_of(walls)))]
     ends = _corner_depths(walls, groups)
     bodies = _without(layout, groups, [group.body(ends) for group in groups])
     order = sorted(range(len(groups)), key=lambda n: (-groups[n].seen, -groups[n].length, n))

@@ -63,9 +63,41 @@ def strips_of(walls: Sequence[Wall]) -> list[list[Strip]]:
     return [_filled(i, wall.length, strips) for i, (wall, strips) in enumerate(zip(walls, mutual, strict=True))]
 
 
+def without_touching(walls: Sequence[Wall], rows: Sequence[Sequence[Strip]]) -> list[list[Strip]]:
+    """Strips less those stretches at which two faces touch back to back, so that no ground is left between them."""
+    import shapely
+
+    if not walls:
+        return []
+    lines = shapely.linestrings(np.array([[w.start, w.end] for w in walls]))
+    near = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=FLATTEST)
+    taken: list[list[tuple[float, float]]] = [[] for _ in walls]
+    for i, k in zip(*near.tolist(), strict=True):
+        shared = _shared(walls[i], walls[k]) if i != k else None
+        if shared is not None and abs(shared[2]) < FLATTEST:
+            taken[i].append(shared[:2])
+    return [[part for strip in row for part in _less(strip, spans)] for row, spans in zip(rows, taken, strict=True)]
+
+
+def _less(strip: Strip, spans: Iterable[tuple[float, float]]) -> list[Strip]:
+    """What is left of a strip with nothing behind it beside some spans, m from the face's start."""
+    rest = [(strip.low, strip.high)]
+    for low, high in spans if strip.depth is None else ():
+        cut = [(a, min(b, low)) for a, b in rest] + [(max(a, high), b) for a, b in rest]
+        rest = [(a, b) for a, b in cut if b - a >= SHORTEST]
+    return [Strip(strip.face, a, b, strip.behind, strip.depth) for a, b in sorted(rest)]
+
+
 def _pair(walls: Sequence[Wall], i: int, k: int) -> Strip | None:
     """The stretch of face i that has face k behind it; None where they are not back to back."""
-    wall, other = walls[i], walls[k]
+    shared = _shared(walls[i], walls[k])
+    if shared is None or not FLATTEST <= shared[2] <= THICKEST:
+        return None
+    return Strip(i, shared[0], shared[1], k, shared[2])
+
+
+def _shared(wall: Wall, other: Wall) -> tuple[float, float, float] | None:
+    """Of two faces that look away from each other the stretch of the first beside the second, and how deep behind."""
     if wall.normal @ other.normal > -PARALLEL:
         return None
     low, high = sorted(float((end - wall.start) @ wall.direction) for end in (other.start, other.end))
@@ -73,8 +105,7 @@ def _pair(walls: Sequence[Wall], i: int, k: int) -> Strip | None:
     if high - low < SHORTEST:
         return None
     middle: Array = wall.start + 0.5 * (low + high) * wall.direction
-    depth = float((other.start - middle) @ other.normal)
-    return Strip(i, low, high, k, depth) if FLATTEST <= depth <= THICKEST else None
+    return low, high, float((other.start - middle) @ other.normal)
 
 
 def _nearest(wall: Wall, strips: Iterable[Strip]) -> list[Strip]:

@@ -3,7 +3,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 import json
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from two_rooms import HEIGHT, QUADRANTS, corner, two_rooms
 
 from recon.errors import OutputError
 from recon.exporters import SUFFIXES, WRITERS, check_outputs, export, writer_for
+from recon.exporters.options import ExportOptions
 from recon.exporters.ply import cut_by_grid, grid_step
 from recon.layout_json import layout_from_json, layout_to_json
 from recon.model import Layout, Model
@@ -122,15 +122,21 @@ def test_json_is_the_layout(tmp_path: Path) -> None:
     assert [room["name"] for room in data["rooms"]] == ["Büro 1", "Küche & Flur <2>"]
 
 
-def test_stl_is_binary_metric_and_faces_inwards(tmp_path: Path) -> None:
+def test_stl_is_a_closed_solid_around_the_rooms(tmp_path: Path) -> None:
     model = two_rooms()
     export(model, tmp_path / "model.stl")
-    content = (tmp_path / "model.stl").read_bytes()
-    assert struct.unpack_from("<I", content, 80)[0] == sum(len(f.triangles) for f in model.faces)
-    mesh = trimesh.load_mesh(tmp_path / "model.stl")
-    np.testing.assert_allclose(mesh.bounds, BOUNDS, atol=1e-6)
-    # Walls, floors and ceilings close both rooms; seen from inside the volume counts negative.
-    assert mesh.volume == pytest.approx(-HEIGHT * (18 + 3.8 * 2.8), rel=1e-5)
+    export(model, tmp_path / "open.stl", ExportOptions(ceiling=False))
+    closed, above = (trimesh.load_mesh(tmp_path / name) for name in ("model.stl", "open.stl"))
+    rooms = HEIGHT * (18 + 3.8 * 2.8)
+    for mesh, cavities in ((closed, rooms), (above, 0.0)):
+        assert mesh.is_volume
+        # Walls, floor and ceiling add at least their thickness all round, on the outside.
+        assert (mesh.bounds[0] <= np.array(BOUNDS)[0] - 0.09).all()
+        assert 2.0 < mesh.volume < 40.0
+        inside = trimesh.ray.ray_triangle.RayMeshIntersector(mesh)
+        at = np.array([[1.0, 1.0, 1.0]])
+        hit, _, _ = inside.intersects_location(at, np.array([[0.0, 0.0, 1.0]]), multiple_hits=False)
+        assert (len(hit) == 1 and hit[0, 2] == pytest.approx(HEIGHT, abs=1e-3)) if cavities else len(hit) == 0
 
 
 def test_obj_opens_with_names_textures_and_y_up(tmp_path: Path) -> None:

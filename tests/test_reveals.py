@@ -12,7 +12,8 @@ from recon.geometry import Pose3, inverse2
 from recon.holes import holes_of
 from recon.labels import CEILING, UNLABELLED, LabelRenderer
 from recon.model import Face, Layout, Opening, Wall
-from recon.reveals import ASSUMED_DEPTH, ASSUMED_LEAF, reveals, with_side_colours
+from recon.niches import ASSUMED_DEPTH, ASSUMED_LEAF
+from recon.reveals import reveals, with_side_colours
 from recon.simulate import Plan, run_simulation
 from recon.simulate.render import Exposure, Renderer
 from recon.simulate.simulation import image_poses

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.geometry import Array, cross2
 from recon.model import Dimension as Distance
@@ -17,6 +20,7 @@ from recon.plan.placement import Taken, grown
 from recon.plan.quantity import length_text, length_with_sigma
 
 if TYPE_CHECKING:
+    from shapely import STRtree
     from shapely.geometry.base import BaseGeometry
 
 HEIGHT = 1.8
@@ -52,6 +56,7 @@ def draw_distances(
 
     shapes = {r.id: shapely.make_valid(shapely.Polygon(r.polygon)).buffer(1e-4) for r in layout.rooms}
     walls = {wall.id: wall for wall in layout.walls}
+    furniture = shapely.STRtree([shapely.make_valid(shapely.Polygon(item.footprint)) for item in layout.objects])
     for distance in chosen(layout):
         shape = shapes.get(distance.room)
         if shape is None or frozenset(distance.walls) in said or distance.distance < SHORTEST * scale / 1000:
@@ -61,8 +66,8 @@ def draw_distances(
         span = np.sort([(end - a.start) @ a.direction for end in (b.start, b.end)])
         low, high = np.clip(span, 0.0, a.length) - (distance.start - a.start) @ a.direction
         most = _ASKEW / max(abs(float(cross2(a.direction, b.direction))), 1e-9)
-        slides = [float(np.clip(low + share * (high - low), -most, most)) * a.direction for share in PLACES]
-        placed = next((d for d in _placed(distance, slides, options, scale, shape, texts, lines)), None)
+        slides = np.array([np.clip(low + share * (high - low), -most, most) * a.direction for share in PLACES])
+        placed = _placed(distance, slides, options, scale, shape, furniture, texts, lines)
         if placed is not None and placed.text is not None:
             lines.add(placed.line)
             texts.add(placed.text.box)
@@ -71,39 +76,59 @@ def draw_distances(
 
 def chosen(layout: Layout) -> list[Distance]:
     """Of every room the longest dimensions along each of its directions, none twice."""
-    kept: list[Distance] = []
+    kept: defaultdict[int, list[Distance]] = defaultdict(list)
     for distance in sorted(layout.dimensions, key=lambda d: (d.room, -d.distance)):
         way = (distance.end - distance.start) / max(distance.distance, 1e-9)
-        before = [d for d in kept if d.room == distance.room]
-        before = [d for d in before if abs(float(way @ (d.end - d.start))) > _SAME_WAY * d.distance]
+        before = [d for d in kept[distance.room] if abs(float(way @ (d.end - d.start))) > _SAME_WAY * d.distance]
         if len(before) < MOST and all(abs(d.distance - distance.distance) > _SAME_LENGTH for d in before):
-            kept.append(distance)
-    return kept
+            kept[distance.room].append(distance)
+    return [distance for before in kept.values() for distance in before]
 
 
 def _placed(
     distance: Distance,
-    slides: list[Array],
+    slides: Array,
     options: DrawingOptions,
     scale: int,
     shape: BaseGeometry,
+    furniture: STRtree,
     texts: Taken,
     lines: Taken,
-) -> Iterator[Dimension]:
-    """Ways to draw a dimension over nothing else, with its sigma if there is room for that."""
+) -> Dimension | None:
+    """A dimension over nothing else, with its sigma if there is room for that, and clear of furniture if it can be."""
     import shapely
 
-    ends, mm = np.stack([distance.start, distance.end]), scale / 1000
-    ways = [ends + slide for slide in slides]
-    ways = [way for way in ways if texts.free(way) and shape.covers(shapely.LineString(_shrunk(way)))]
+    mm = scale / 1000
+    ways = np.stack([distance.start, distance.end]) + slides[:, None]
+    ways = ways[shapely.covers(shape, shapely.linestrings(_shrunk(ways)))]
+    ways = np.array([way for way in ways if texts.free(way)]).reshape(-1, 2, 2)
+    if len(ways) == 0:
+        return None
+    over = _hits(shapely.linestrings(ways), furniture)
     sigma = distance.sigma if options.sigmas and np.isfinite(distance.sigma) and distance.sigma > 0 else None
     for known in dict.fromkeys((sigma, None)):
-        for way in ways:
-            for place in TEXT_PLACES:
-                text = figures(way, place, distance.distance, known, options, mm, unit=True)
-                box = grown(text.box, CLEAR * mm)
-                if texts.free(box) and lines.free(box) and shape.covers(shapely.Polygon(box)):
-                    yield Dimension(DIMENSIONS, distance.start, distance.end, way, text, known)
+        text = figures(ways[0], 0.0, distance.distance, known, options, mm, unit=True)
+        box = grown(text.box, CLEAR * mm)
+        if np.any(np.ptp(box, axis=0) > np.ptp(np.reshape(shape.bounds, (2, 2)), axis=0)):
+            continue
+        steps = np.array(TEXT_PLACES)[:, None] * (ways[0, 1] - ways[0, 0])
+        moves = (ways[:, None, 0] - ways[0, 0] + steps).reshape(-1, 2)
+        boxes = box + moves[:, None]
+        outlines = shapely.polygons(boxes)
+        cost = 2 * _hits(outlines, furniture) + np.repeat(over, len(steps))
+        fitting = np.flatnonzero(shapely.covers(shape, outlines))
+        for k in fitting[np.argsort(cost[fitting], kind="stable")]:
+            if texts.free(boxes[k]) and lines.free(boxes[k]):
+                placed, line = replace(text, at=text.at + moves[k]), ways[k // len(steps)]
+                return Dimension(DIMENSIONS, distance.start, distance.end, line, placed, known)
+    return None
+
+
+def _hits(shapes: Array, furniture: STRtree) -> NDArray[np.int64]:
+    """(N,) 1 where a shape touches something that stands in the room, else 0."""
+    hit = np.zeros(len(shapes), dtype=np.int64)
+    hit[furniture.query(shapes, predicate="intersects")[0]] = 1
+    return hit
 
 
 def figures(
@@ -134,7 +159,7 @@ def reading_angle(step: Array) -> float:
     return float((angle - _STEEPEST + np.pi) % np.pi + _STEEPEST - np.pi)
 
 
-def _shrunk(line: Array) -> Array:
-    """A line (2, 2) without its outer 2 %."""
-    step = line[1] - line[0]
-    return np.stack([line[0] + 0.02 * step, line[1] - 0.02 * step])
+def _shrunk(lines: Array) -> Array:
+    """Lines (n, 2, 2) without their outer 2 %."""
+    step = 0.02 * (lines[:, 1] - lines[:, 0])
+    return np.stack([lines[:, 0] + step, lines[:, 1] - step], axis=1)

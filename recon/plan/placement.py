@@ -12,7 +12,7 @@ from recon.geometry import Array
 
 CELL = 2.0
 """m; size of the cells by which neighbours are found."""
-
+_ALONG = 1e-9  # m
 
 Bounds = tuple[float, float, float, float]
 
@@ -21,20 +21,21 @@ class Taken:
     """Rectangles and lines that texts keep clear of."""
 
     def __init__(self) -> None:
-        self._cells: defaultdict[tuple[int, int], list[tuple[Bounds, Array]]] = defaultdict(list)
+        self._cells: defaultdict[tuple[int, int], list[tuple[Bounds, bool, Array]]] = defaultdict(list)
 
     def add(self, box: Array) -> None:
         """A rectangle (4, 2), or a line (2, 2)."""
-        bounds = _bounds(box)
+        bounds, along = _bounds(box)
         for cell in _cells(bounds):
-            self._cells[cell].append((bounds, box))
+            self._cells[cell].append((bounds, along, box))
 
     def free(self, box: Array) -> bool:
         """Whether a rectangle or line touches none of those added."""
-        x0, y0, x1, y1 = bounds = _bounds(box)
+        (x0, y0, x1, y1), along = bounds, _ = _bounds(box)
         for cell in _cells(bounds):
-            for (a0, b0, a1, b1), other in self._cells.get(cell, ()):
-                if a0 <= x1 and x0 <= a1 and b0 <= y1 and y0 <= b1 and overlap(box, other):
+            for (a0, b0, a1, b1), also_along, other in self._cells.get(cell, ()):
+                near = a0 <= x1 and x0 <= a1 and b0 <= y1 and y0 <= b1
+                if near and ((along and also_along) or overlap(box, other)):
                     return False
         return True
 
@@ -60,9 +61,14 @@ def grown(box: Array, margin: float) -> Array:
     return np.asarray(box + np.stack([-u - v, u - v, u + v, v - u]))
 
 
-def _bounds(box: Array) -> Bounds:
-    (x0, y0), (x1, y1) = box.min(axis=0).tolist(), box.max(axis=0).tolist()
-    return x0, y0, x1, y1
+def _bounds(box: Array) -> tuple[Bounds, bool]:
+    """Bounds, and whether the shape fills them: it is along the axes."""
+    xs, ys = box.T.tolist()
+    x0, y0, x1, y1 = min(xs), min(ys), max(xs), max(ys)
+    if len(xs) == 2:
+        return (x0, y0, x1, y1), x1 - x0 < _ALONG or y1 - y0 < _ALONG
+    corners = (min(x - x0, x1 - x) < _ALONG and min(y - y0, y1 - y) < _ALONG for x, y in zip(xs, ys, strict=True))
+    return (x0, y0, x1, y1), all(corners)
 
 
 def _cells(bounds: Bounds) -> Iterator[tuple[int, int]]:

@@ -65,20 +65,25 @@ def _label(
 ) -> list[Text]:
     import shapely
 
-    mm = scale / 1000
-    shape = shapely.make_valid(shapely.Polygon(room.polygon)).buffer(-CLEAR * mm)
-    shapely.prepare(shape)
-    spots = _spots(room, shape)
+    mm, extent = scale / 1000, np.ptp(room.polygon, axis=0)
+    shape, spots = shapely.Polygon(), list[Array]()
     for size in SIZES:
         for lines in _contents(room, layout, options, size):
             for angle in (0.0, np.pi / 2):
+                wide = _size(lines) * mm
+                if np.any((wide if angle == 0.0 else wide[::-1]) > extent):
+                    continue
+                if not spots:
+                    shape = shapely.make_valid(shapely.Polygon(room.polygon)).buffer(-CLEAR * mm)
+                    shapely.prepare(shape)
+                    spots = _spots(room, shape)
                 box, label = _set(lines, angle, mm)
                 fits = shapely.covers(shape, shapely.polygons(box + np.array(spots)[:, None]))
                 inside = [s for s, fit in zip(spots, fits, strict=True) if fit and texts.free(box + s)]
                 spot = next((s for s in inside if furniture.free(box + s)), inside[0] if inside else None)
                 if spot is not None:
                     return [replace(text, at=text.at + spot) for text in label]
-    return _cramped(room, spots, mm, texts)
+    return _cramped(room, mm, texts)
 
 
 def _contents(room: Room, layout: Layout, options: DrawingOptions, size: float) -> Iterator[Lines]:
@@ -100,7 +105,7 @@ def _contents(room: Room, layout: Layout, options: DrawingOptions, size: float) 
         yield shown
 
 
-def _cramped(room: Room, spots: list[Array], mm: float, texts: Taken) -> list[Text]:
+def _cramped(room: Room, mm: float, texts: Taken) -> list[Text]:
     """As much of the name as the room is wide; nothing where that is nothing."""
     spot, radius = label_spot(room.polygon)
     height = NAME * SIZES[-1]
@@ -109,18 +114,24 @@ def _cramped(room: Room, spots: list[Array], mm: float, texts: Taken) -> list[Te
     return [replace(text, at=text.at + spot) for text in label] if name and texts.free(box + spot) else []
 
 
+def _size(lines: Lines) -> Array:
+    """Width and height (2,) of lines one below the other, mm, with half of the margin around them."""
+    width = max(text_width(text, height, bold) for text, height, bold in lines)
+    heights = [height for _, height, _ in lines]
+    return np.array([width, heights[0] + LINE * sum(heights[1:])]) + CLEAR
+
+
 def _set(lines: Lines, angle: float, mm: float) -> tuple[Array, list[Text]]:
     """Lines one below the other, centred on the origin; the box (4, 2) around them, and the texts."""
-    turn, heights = rotation2(angle), np.array([height for _, height, _ in lines])
-    total = float(heights[0] + LINE * heights[1:].sum())
-    width = max(text_width(text, height, bold) for text, height, bold in lines)
-    down, texts = total / 2 - heights[0], []
+    turn, size = rotation2(angle), _size(lines)
+    total = float(size[1] - CLEAR)
+    down, texts = total / 2 - lines[0][1], []
     for i, (text, height, bold) in enumerate(lines):
         down -= LINE * height if i else 0.0
         at = turn @ np.array([0.0, down * mm])
         texts.append(Text(AREA_NAME, text, at, height * mm, angle, "middle", bold))
-    corners = np.array([[-width, -total], [width, -total], [width, total], [-width, total]]) / 2 * mm
-    return grown(corners @ turn.T, CLEAR * mm / 2), texts
+    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * size / 2 * mm
+    return corners @ turn.T, texts
 
 
 def _spots(room: Room, shape: BaseGeometry) -> list[Array]:

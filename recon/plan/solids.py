@@ -50,11 +50,10 @@ class Solids:
         solid = _only(shapely.difference, whole, unseen)
         measured = _only(shapely.intersection, closed(between, CORE), solid)
         assumed = closed(_only(shapely.difference, solid, measured), -THINNEST / 2)
-        seen = shapely.unary_union([shapely.LineString(f.points) for f in faces(layout) if f.layer is WALL]).buffer(
-            GRID
-        )
-        behind_seen = [part for part in _polygons(assumed) if part.intersects(seen)]
-        return Solids(measured, shapely.unary_union(behind_seen), whole)
+        seen = shapely.STRtree([shapely.LineString(f.points) for f in faces(layout) if f.layer is WALL])
+        parts = np.array(_polygons(assumed), dtype=object)
+        behind_seen = parts[np.unique(seen.query(parts, predicate="dwithin", distance=GRID)[0])]
+        return Solids(measured, shapely.MultiPolygon(list(behind_seen)), whole)
 
 
 def draw_walls(layout: Layout, solids: Solids) -> Iterator[Element]:

@@ -60,7 +60,7 @@ def render_dollhouse(model: Model, size: tuple[int, int] = (1600, 1000)) -> NDAr
     ambient = [*ambient_shades(tuple(visible), closed), *[_open_air] * len(solids)]
     shades = [_lit(shade, face) for shade, face in zip(ambient, faces, strict=True)]
     canvas = _shadowed_ground(model.layout, size, pixels_of, pixel)
-    picture = TexturedScene(faces, pixel_size=pixel, shades=shades).render(rays, canvas)
+    picture = TexturedScene(faces, pixel_size=pixel, shades=shades, edge_samples=2).render(rays, canvas)
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 

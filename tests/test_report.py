@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import io
 import json
 import re
 import shutil
@@ -19,12 +20,14 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from small_build import Small
 
 from recon.errors import InputError
 from recon.geometry import rotation2
 from recon.report import write_report
 from recon.report.charts import thinned
+from recon.report.house import LARGEST, _scene
 from recon.report.svg import Frame
 from recon.results import load_model, save_result
 from recon.results.photos import shrunk
@@ -76,6 +79,26 @@ def test_a_build_without_images_has_a_report(small: Small, tmp_path: Path) -> No
     save_result(replace(blind, model=nothing), tmp_path / "nothing.recon")
     page = read(tmp_path / "nothing.recon")
     assert "<h2>The model</h2>" not in page and "<h2>Time</h2>" in page
+
+
+def test_the_3d_view_holds_every_face_but_ceilings_in_pictures_of_bounded_size(small: Small) -> None:
+    import trimesh
+
+    large = tuple(
+        face if face.texture is None else replace(face, texture=np.repeat(np.repeat(face.texture, 6, 0), 6, 1))
+        for face in small.build.model.faces
+    )
+    scene = trimesh.load_scene(io.BytesIO(_scene(replace(small.build.model, faces=large))), file_type="glb")
+    faces = [face for face in large if face.kind != "ceiling"]
+    assert sorted(scene.geometry) == sorted(face.name for face in faces)
+    assert scene.area == pytest.approx(sum(face_area(face.vertices, face.triangles) for face in faces), rel=1e-3)
+    sides = [max(m.size) for g in scene.geometry.values() if (m := g.visual.material.baseColorTexture) is not None]
+    assert sides and max(sides) <= LARGEST
+
+
+def face_area(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> float:
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
 def outside_links(page: str) -> str:
@@ -251,5 +274,9 @@ def test_a_browser_turns_the_model_in_3d(small: Small, browse: Callable[..., str
     covered = np.abs(picture.astype(int) - 255).sum(axis=2) > 30
     assert 0.1 < covered.mean() < 0.8
     assert len(np.unique(picture[covered] // 16, axis=0)) > 30
+    # colours are those of the textures: neither washed out nor dark
+    textures = [face.texture for face in small.build.model.faces if face.texture is not None and face.kind != "ceiling"]
+    wanted = np.concatenate([t.reshape(-1, 3).mean(axis=1) for t in textures]).mean()
+    assert picture[covered].mean() == pytest.approx(wanted, rel=0.25)
     rim = np.concatenate([covered[0], covered[-1], covered[:, 0], covered[:, -1]])
     assert not rim.any()  # the whole building is in view

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-import io
+import base64
+import importlib.util
+import json
+import struct
+import zipfile
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,25 +18,29 @@ from recon.geometry import Array
 from recon.model import Model
 from recon.report.html import folded, jpeg
 
-if TYPE_CHECKING:
-    import trimesh
-
 SIZE = 1200, 750
 """Pixels of the picture."""
 TEXELS = 6_000_000
 """In all pictures of the 3D view together: some 2 MB, which a phone can hold."""
 LARGEST, SMALLEST = 512, 32
 """Texels a side of one picture."""
-FIELD_OF_VIEW = 45.0
-"""Degrees, of the 3D view, up and down."""
-VIEW = np.array([0.45, 1.0, 0.85])
+FIELD_OF_VIEW = np.radians(45.0)
+"""Of the 3D view, up and down."""
+VIEW = np.array([0.45, 1.2, 0.85])
 """From the middle of the building to the eye: right, up and towards the viewer (Y up)."""
-NEARER = 0.9
-"""Of the distance at which a ball around the building just fits; buildings are flat."""
-GLOW = 0.6
-"""Share of a face's colour that needs no light."""
-PLAIN = 0.6
-"""Of the brightness of faces without a picture: under the viewer's lamp they would be white before white."""
+MARGIN = 1.06
+"""Of the distance at which all just fits."""
+GLOW = 0.55
+"""Share of a face's colour that needs no light: the viewer has one lamp, and walls along its light would be black."""
+LAMP = 0.5
+TEMPLATE = Path("resources", "templates", "viewer.zip"), "viewer.html.template"
+"""In the package trimesh: a page with three.js in it."""
+RENDERER = "new THREE.WebGLRenderer({antialias:true});"
+CHANGES = {
+    RENDERER: f"{RENDERER}renderer.outputEncoding=THREE.sRGBEncoding;",
+    "0xffffff,1.75": f"0xffffff,{LAMP}",
+}
+"""Of that page: colours as screens want them, a weaker lamp."""
 
 
 def house(model: Model) -> str:
@@ -44,36 +53,45 @@ def house(model: Model) -> str:
 
 
 def _viewer(model: Model) -> str:
-    """A page of its own (three.js and the model, by trimesh), with quotes escaped for `srcdoc`."""
-    from trimesh.viewer import scene_to_html
+    """A page of its own (three.js, as trimesh ships it, and the model), with quotes escaped for `srcdoc`."""
+    package = importlib.util.find_spec("trimesh")  # found, not imported, which takes half a second
+    assert package is not None and package.origin is not None
+    archive, name = TEMPLATE
+    with zipfile.ZipFile(Path(package.origin).parent / archive) as files:
+        page = files.read(name).decode("utf-8")
+    for old, new in {**CHANGES, "$B64GLTF": base64.b64encode(_scene(model)).decode("ascii")}.items():
+        page = page.replace(old, new)
+    return page.replace('"', "&quot;")
 
-    return str(scene_to_html(_scene(model), escape_quotes=True))
 
-
-def _scene(model: Model) -> trimesh.Scene:
-    """The faces without ceilings, pictures made small, seen from above at an angle."""
-    import trimesh
-
+def _scene(model: Model) -> bytes:
+    """GLB of the faces without ceilings, pictures made small, seen from above at an angle."""
+    from recon.exporters.detail import with_detail
     from recon.exporters.gltf import write_glb
     from recon.exporters.options import ExportOptions
 
     open_top = replace(model, faces=tuple(face for face in model.faces if face.kind != "ceiling"))
-    content = write_glb(open_top, "house", ExportOptions(texture_size=_texture_size(len(open_top.faces)))).content
-    scene = trimesh.load_scene(io.BytesIO(content), file_type="glb")
-    _lighten(scene)
-    scene.camera = trimesh.scene.Camera("eye", (1600, 1000), fov=(1.6 * FIELD_OF_VIEW, FIELD_OF_VIEW))
-    scene.camera_transform = _eye(np.asarray(scene.bounds))
-    return scene
+    options = ExportOptions(texture_size=_texture_size(len(open_top.faces)), texture_format="jpg")
+    content = write_glb(with_detail(open_top, options)[0], "house", options).content
+    (length,) = struct.unpack_from("<I", content, 12)
+    document, rest = json.loads(content[20 : 20 + length]), content[20 + length :]
+    _lighten(document.get("materials", []))
+    points = np.concatenate([face.vertices for face in model.faces])[:, [0, 2, 1]] * [1, 1, -1]
+    _look(document, points)
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
+    return head + struct.pack("<I4s", len(text), b"JSON") + text + rest
 
 
-def _lighten(scene: trimesh.Scene) -> None:
-    """Faces glow a little in their own colours: the viewer has one lamp, and walls along its light would be black."""
-    for mesh in scene.geometry.values():
-        material = mesh.visual.material
-        if material.baseColorTexture is not None:
-            material.emissiveTexture, material.emissiveFactor = material.baseColorTexture, [GLOW] * 3
-        elif material.baseColorFactor is not None:
-            material.baseColorFactor = [*(PLAIN * np.asarray(material.baseColorFactor[:3])).astype(np.uint8), 255]
+def _lighten(materials: list[dict[str, Any]]) -> None:
+    """Faces glow a little in their own colours."""
+    for material in materials:
+        surface = material["pbrMetallicRoughness"]
+        if "baseColorTexture" in surface:
+            material |= {"emissiveTexture": surface["baseColorTexture"], "emissiveFactor": [GLOW] * 3}
+        else:
+            material["emissiveFactor"] = [round(GLOW * channel, 6) for channel in surface["baseColorFactor"][:3]]
 
 
 def _texture_size(faces: int) -> int:
@@ -82,13 +100,19 @@ def _texture_size(faces: int) -> int:
     return int(np.clip(2 ** np.floor(np.log2(max(side, 1.0))), SMALLEST, LARGEST))
 
 
-def _eye(bounds: Array) -> Array:
-    """(4, 4) pose of the camera (looking along its -z, y up) that has all of `bounds` (2, 3) in view."""
-    middle, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2
+def _look(document: dict[str, Any], points: Array) -> None:
+    """Adds a camera (it looks along its -z, y up) that has all points (N, 3) in view."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = (low + high) / 2  # where the viewer turns the camera to
     back = VIEW / np.linalg.norm(VIEW)
     right = np.cross([0.0, 1.0, 0.0], back)
     right /= np.linalg.norm(right)
+    x, y, z = ((points - middle) @ np.stack([right, np.cross(back, right), back]).T).T
+    aspect, slope = SIZE[0] / SIZE[1], np.tan(FIELD_OF_VIEW / 2)
+    distance = MARGIN * max(float(np.max(z + np.maximum(np.abs(y), np.abs(x) / aspect) / slope)), 0.5)
     pose = np.eye(4)
-    pose[:3, 0], pose[:3, 1], pose[:3, 2] = right, np.cross(back, right), back
-    pose[:3, 3] = middle + back * max(radius, 0.5) / np.tan(np.radians(FIELD_OF_VIEW / 2)) * NEARER
-    return pose
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(back, right), back, middle + distance * back
+    lens = {"aspectRatio": aspect, "yfov": FIELD_OF_VIEW, "znear": distance / 200, "zfar": 20 * distance}
+    document["cameras"] = [{"type": "perspective", "perspective": lens}]
+    document["scenes"][0]["nodes"].append(len(document["nodes"]))
+    document["nodes"].append({"name": "eye", "camera": 0, "matrix": pose.T.ravel().round(6).tolist()})

@@ -21,7 +21,7 @@ h1 { font-size: 1.6rem; margin: 0.5rem 0; } h2 { font-size: 1.15rem; margin: 2re
 a { color: var(--link); }
 img, svg { max-width: 100%; height: auto; }
 .house, .sketch, .map, .sheet svg { display: block; background: #fff; border-radius: 6px; }
-iframe { display: block; width: 100%; aspect-ratio: 8 / 5; min-height: 20rem; border: 0; border-radius: 6px;
+iframe { display: block; width: 100%; aspect-ratio: 8 / 5; border: 0; border-radius: 6px;
   background: #fff; }
 summary { cursor: pointer; padding: 0.4rem 0; color: var(--link); }
 .facts { display: flex; flex-wrap: wrap; gap: 0.5rem 2rem; margin: 1rem 0; padding: 0; list-style: none; }

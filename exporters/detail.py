@@ -1,4 +1,4 @@
-"""How much detail an exported model has: the sizes of its pictures, tiles of those that are too large."""
+"""How much detail an exported model has: its pictures' sizes, tiles of too large ones, pages of small ones."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from recon.exporters.atlas import on_pages
 from recon.exporters.options import ExportOptions
 from recon.model import Face, Model
 from recon.tiles import tiled
@@ -23,7 +24,8 @@ def with_detail(
 ) -> tuple[Model, tuple[str, ...]]:
     """The model with faces in tiles where their picture is too large for engines, and a line that says so.
 
-    level: of detail; every picture has half the size of the level before. pictures: whether the format has any.
+    Small pictures share pages. level: of detail; every picture has half the size of the level before. pictures:
+    whether the format has any.
     """
     most = MOST_TEXELS
     if options.usd_profile != "arkit" and options.texture_size is not None:
@@ -32,7 +34,8 @@ def with_detail(
     faces = tiled(model.faces, most) if pictures else model.faces
     parts = Counter(face.tile_of for face in faces if face.tile_of is not None)
     notes = tuple(f"{name} has {n} pictures, of at most {most} texels a side" for name, n in parts.items())
-    return replace(model, faces=tuple(_resized(face, size, level) for face in faces)), notes if level == 0 else ()
+    faces = tuple(_resized(face, size, level) for face in faces)
+    return replace(model, faces=on_pages(faces, size) if pictures else faces), notes if level == 0 else ()
 
 
 def _resized(face: Face, size: int, level: int) -> Face:

@@ -12,7 +12,7 @@ import recon
 from recon.exporters.collision import convex_bodies
 from recon.exporters.lightmap import light_map, own_light_map
 from recon.exporters.options import ExportOptions
-from recon.exporters.pictures import MIME, OPACITY, encode, linear_rgb, texture_path
+from recon.exporters.pictures import MIME, OPACITY, encode, linear_rgb, material_name, texture_path
 from recon.exporters.shape import Group, Structure, face_normal, room_facts, y_up
 from recon.geometry import Array
 from recon.model import NEUTRAL_COLOURS, Face, Model
@@ -121,7 +121,7 @@ class Document:
         return self._add("bufferViews", view | ({"target": target} if target else {}))
 
     def _material(self, face: Face) -> int:
-        name = f"neutral_{face.kind}" if face.texture is None else face.name
+        name = material_name(face)
         if name not in self.materials:
             material: dict[str, Any] = {"name": name, "pbrMetallicRoughness": self._surface(face)}
             if face.texture is None and face.kind in OPACITY:
@@ -137,11 +137,11 @@ class Document:
         if "samplers" not in self.lists:
             filters = {"magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR}
             self._add("samplers", filters | {"wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE})
-        image = self._add("images", {"name": face.name} | self._picture(face))
+        image = self._add("images", {"name": material_name(face)} | self._picture(face))
         source = {"source": image}
         texture = {"extensions": {WEBP: source}} if self.options.texture_format == "webp" else source
         return surface | {
-            "baseColorTexture": {"index": self._add("textures", {"name": face.name, "sampler": 0} | texture)}
+            "baseColorTexture": {"index": self._add("textures", {"name": material_name(face), "sampler": 0} | texture)}
         }
 
     def _picture(self, face: Face) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from recon.exporters.options import DEFAULTS, ExportOptions, TextureFormat
 from recon.exporters.output import Output
-from recon.exporters.pictures import OPACITY, texture_files, texture_path
+from recon.exporters.pictures import OPACITY, material_name, texture_files, texture_path
 from recon.exporters.shape import Structure, face_normal, y_up
 from recon.geometry import Array
 from recon.model import NEUTRAL_COLOURS, Face, Model
@@ -35,7 +35,7 @@ def _face_lines(face: Face, first: int, normal_index: int, z_up: bool) -> list[s
     vertices, normal = face.vertices, face_normal(face)[None]
     if not z_up:
         vertices, normal = y_up(vertices), y_up(normal)
-    lines = [f"o {face.name}", f"usemtl {_material_name(face)}"]
+    lines = [f"o {face.name}", f"usemtl {material_name(face)}"]
     lines += _rows("v", vertices) + _rows("vt", face.uv) + _rows("vn", normal)
     for triangle in face.triangles + first:
         lines.append("f " + " ".join(f"{i}/{i}/{normal_index}" for i in triangle))
@@ -47,18 +47,14 @@ def _rows(keyword: str, values: Array) -> list[str]:
     return [f"{keyword} " + " ".join(f"{v:.6f}" for v in row) for row in rounded]
 
 
-def _material_name(face: Face) -> str:
-    return f"neutral_{face.kind}" if face.texture is None else face.name
-
-
 def _material_faces(model: Model) -> list[Face]:
     """One face for every material, in the order of first use."""
-    return list({_material_name(f): f for f in reversed(model.faces)}.values())[::-1]
+    return list({material_name(f): f for f in reversed(model.faces)}.values())[::-1]
 
 
 def _material(face: Face, folder: str, kind: TextureFormat) -> str:
     colour = [1.0, 1.0, 1.0] if face.texture is not None else [c / 255 for c in NEUTRAL_COLOURS[face.kind]]
-    lines = [f"newmtl {_material_name(face)}", "Ka 0 0 0", "Kd " + " ".join(f"{c:.4f}" for c in colour), "Ks 0 0 0"]
+    lines = [f"newmtl {material_name(face)}", "Ka 0 0 0", "Kd " + " ".join(f"{c:.4f}" for c in colour), "Ks 0 0 0"]
     lines.append("illum 1")
     if face.texture is None and face.kind in OPACITY:
         lines.append(f"d {OPACITY[face.kind]}")

@@ -31,12 +31,18 @@ def encode(texture: NDArray[np.uint8], kind: TextureFormat = "jpg") -> bytes:
 
 def texture_files(model: Model, folder: str, kind: TextureFormat = "jpg") -> dict[str, bytes]:
     """Files of all textures, by path: `folder/wall_003.jpg`."""
-    return {texture_path(f, folder, kind): encode(f.texture, kind) for f in model.faces if f.texture is not None}
+    pictures = {texture_path(f, folder, kind): f.texture for f in model.faces if f.texture is not None}
+    return {path: encode(texture, kind) for path, texture in pictures.items()}
 
 
 def texture_path(face: Face, folder: str, kind: TextureFormat = "jpg") -> str:
     """Where `texture_files` puts the texture of `face`."""
-    return f"{folder}/{face.name}.{kind}"
+    return f"{folder}/{material_name(face)}.{kind}"
+
+
+def material_name(face: Face) -> str:
+    """Of its picture and material; faces on one page share theirs, those without a picture that of their kind."""
+    return f"neutral_{face.kind}" if face.texture is None else face.page or face.name
 
 
 def linear_rgb(srgb: ArrayLike) -> Array:
@@ -49,4 +55,8 @@ def mean_colour(face: Face) -> Array:
     """sRGB colour (3,), 0 to 255, that stands for the face where no texture is shown."""
     if face.texture is None:
         return np.array(NEUTRAL_COLOURS[face.kind], dtype=np.float64)
-    return np.asarray(face.texture.reshape(-1, 3).mean(axis=0), dtype=np.float64)
+    height, width = face.texture.shape[:2]
+    (left, bottom), (right, top) = face.uv.min(axis=0), face.uv.max(axis=0)  # its part of a page
+    first, last = round((1 - top) * height), round((1 - bottom) * height)
+    part = face.texture[first : max(last, first + 1), round(left * width) : max(round(right * width), 1)]
+    return np.asarray((part if part.size else face.texture).reshape(-1, 3).mean(axis=0), dtype=np.float64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from recon.exporters.options import TextureFormat
-from recon.exporters.pictures import OPACITY, linear_rgb, texture_path
+from recon.exporters.pictures import OPACITY, linear_rgb, material_name, texture_path
 from recon.model import NEUTRAL_COLOURS, Face
 
 if TYPE_CHECKING:
@@ -24,13 +24,13 @@ def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
 def define_material(
     stage: Usd.Stage, parent: Sdf.Path, face: Face, textures: str, kind: TextureFormat
 ) -> UsdShade.Material:
-    """The material of a face below `parent`; faces without a texture share that of their kind.
+    """The material of a face below `parent`; several may share one (`material_name`).
 
     textures: folder of the pictures, relative to the layer.
     """
     from pxr import Gf, Sdf, UsdShade
 
-    path = parent.AppendChild(face.name if face.texture is not None else f"neutral_{face.kind}")
+    path = parent.AppendChild(material_name(face))
     material = UsdShade.Material.Get(stage, path)
     if material:
         return material

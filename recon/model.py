@@ -190,6 +190,7 @@ class Face:
     seen_fraction: share of texels that an image saw, the rest was filled.
     sources: (H, W) int32, index of the image that most of a texel is from, -1 where it was filled (`filled`).
     tile_of: name of the face that this one is a part of, its picture a part of the whole (`recon.tiles`).
+    page: name of the picture, where several faces share one.
     """
 
     name: str
@@ -204,6 +205,7 @@ class Face:
     sources: NDArray[np.int32] | None = field(default=None, kw_only=True)
     opening: int | None = None
     tile_of: str | None = field(default=None, kw_only=True)
+    page: str | None = field(default=None, kw_only=True)
 
     @property
     def filled(self) -> NDArray[np.bool_] | None:

@@ -101,7 +101,7 @@ def test_half_the_size_over_and_over_shows_no_seam() -> None:
     before = hall(HALL)
     for level in range(4):
         model = Model("hall", two_rooms().layout, before)
-        small, _ = with_detail(model, ExportOptions(texture_size=None), level)
+        small, _ = with_detail(model, ExportOptions(texture_size=None), level, pictures=False)
         assert small.faces[0].texture is not None and before[0].texture is not None
         assert small.faces[0].texture.shape[1] == before[0].texture.shape[1] // 2**level
     left, right = (f for f in tiled(before, 400) if f.tile_of == "wall_000")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,12 @@ from recon.exporters.output import Output
 from recon.geometry import Array
 from recon.holes import room_height
 from recon.model import FloorObject, Layout, Model, Room
+from recon.polygons import polygons
 from recon.solids import WallSolid, wall_solids
 from recon.storeys import Building, one_storey
+
+if TYPE_CHECKING:
+    from shapely.geometry import Polygon
 
 NOTE = (
     "Coordinates are metres in a local frame, not longitude and latitude: RFC 7946 (section 4) allows this by prior "
@@ -57,7 +61,7 @@ def _features(layout: Layout) -> Iterator[Feature]:
         yield _object(thing)
 
 
-def _feature(name: str, geometry: dict[str, Any], kind: str, properties: dict[str, Any]) -> Feature:
+def _feature(name: str, geometry: dict[str, Any] | None, kind: str, properties: dict[str, Any]) -> Feature:
     known = {key: _rounded(value) for key, value in properties.items()}
     return {"type": "Feature", "id": name, "geometry": geometry, "properties": {"kind": kind, **known}}
 
@@ -74,8 +78,27 @@ def _ring(points: Array) -> list[list[float]]:
     return ring if ring[0] == ring[-1] else [*ring, ring[0]]
 
 
-def _polygon(*rings: Array) -> dict[str, Any]:
-    return {"type": "Polygon", "coordinates": [_ring(ring) for ring in rings]}
+def _ground(points: Array) -> dict[str, Any] | None:
+    """The polygon through points (n, 2), as it is where it is simple, else in its parts; None without an area."""
+    import shapely
+
+    outline = shapely.Polygon(points)
+    if outline.is_valid and outline.area > 0:
+        return _polygons([outline])
+    return _polygons(polygons(shapely.make_valid(outline)))
+
+
+def _polygons(parts: Sequence[Polygon]) -> dict[str, Any] | None:
+    """Outer rings counter-clockwise, holes clockwise, as RFC 7946 wants it."""
+    import shapely
+
+    if not parts:
+        return None
+    turned = [shapely.orient_polygons(part) for part in parts]
+    rings = [[_ring(np.asarray(r.coords)[:-1]) for r in (part.exterior, *part.interiors)] for part in turned]
+    if len(rings) == 1:
+        return {"type": "Polygon", "coordinates": rings[0]}
+    return {"type": "MultiPolygon", "coordinates": rings}
 
 
 def _room(layout: Layout, room: Room) -> Feature:
@@ -87,7 +110,7 @@ def _room(layout: Layout, room: Room) -> Feature:
         "height_source": "assumed" if room.ceiling_height is None and layout.ceiling_height is None else "image",
         "sigma_height": room.sigma_ceiling if room.ceiling_height is not None else layout.sigma_ceiling,
     }
-    return _feature(f"room_{room.id:03d}", _polygon(room.polygon), "room", properties)
+    return _feature(f"room_{room.id:03d}", _ground(room.polygon), "room", properties)
 
 
 def _wall(number: int, solid: WallSolid) -> Feature:
@@ -103,8 +126,7 @@ def _wall(number: int, solid: WallSolid) -> Feature:
         "sigma_offset": float(max(face.sigma_offset for face in faces)),
         "sigma_angle": float(max(face.sigma_angle for face in faces)),
     }
-    rings = [np.asarray(r.coords)[:-1] for r in (solid.footprint.exterior, *solid.footprint.interiors)]
-    return _feature(f"wall_{number:03d}", _polygon(*rings), "wall", properties)
+    return _feature(f"wall_{number:03d}", _polygons([solid.footprint]), "wall", properties)
 
 
 def _doorway(doorway: Doorway) -> Feature:
@@ -122,4 +144,4 @@ def _doorway(doorway: Doorway) -> Feature:
 
 def _object(thing: FloorObject) -> Feature:
     properties = {"bottom": float(thing.bottom), "top": thing.top}
-    return _feature(f"object_{thing.id:03d}", _polygon(thing.footprint), "object", properties)
+    return _feature(f"object_{thing.id:03d}", _ground(thing.footprint), "object", properties)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from blind_corridor import corridor_plan, drive_corridor, uneven
 
-from recon.config import Config, TextureConfig
+from recon.config import Config
 from recon.geometry import Array, Pose3, between2, rotation2
-from recon.graph.blind import blind_steps, guessed_steps
+from recon.graph.blind import Seen, Speeds, blind_steps, guessed_steps
 from recon.graph.motion import Motion
 from recon.graph.observation import WallObservations
 from recon.graph.slide import Step, estimate_slide, on_surfaces, project
@@ -32,9 +32,8 @@ WALLS = np.array([[[9.0, 1.1], [-3.0, 1.1]], [[-3.0, -1.1], [9.0, -1.1]]])
 def test_images_tell_the_way_along_a_corridor_that_scans_do_not(tmp_path: Path) -> None:
     """22 m, of which the scanner sees an end in the last metres only; the speed changes, there is no odometry."""
     sequence, truth = drive_corridor(corridor_plan(22.0, 5.0, (320, 240)), tmp_path / "drive", seed=3)
-    config = Config(texture=TextureConfig(metres_per_texel=0.05, max_texture_size=256))
-    seen = build(sequence, config)
-    blind = build(replace(sequence, images=None, camera=None), config)
+    seen = build(sequence, Config(), plan_only=True)
+    blind = build(replace(sequence, images=None, camera=None), Config(), plan_only=True)
     away = np.linalg.norm(seen.estimate.trajectory.poses[:, :2] - truth.poses[:, :2], axis=1)
     lost = np.linalg.norm(blind.estimate.trajectory.poses[:, :2] - truth.poses[:, :2], axis=1)
     sigma = seen.estimate.pose_sigmas[:, 0]
@@ -129,3 +128,23 @@ def test_a_speed_that_nothing_tells_is_in_the_sigmas(odometry: bool) -> None:
     assert np.abs(found.trajectory.poses - truth.poses)[:, 1].max() < (0.05 if odometry else 1.0)
     assert 0.02 < np.mean((error / sigma) ** 2) < 2.5
     assert sigma[-1] < 1.0 if odometry else 8.0 < sigma[-1] < 40.0
+
+
+@pytest.mark.parametrize("blind", [[2], [5, 6], [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]])
+def test_what_scans_tell_of_a_pair_of_images_is_taken_off(blind: list[int]) -> None:
+    """A platform that speeds up from 0.2 to 0.8 m/s between two images a second apart."""
+    stamps, heading = np.linspace(0.0, 1.0, 11), np.array([np.cos(0.7), np.sin(0.7)])
+    way = 0.2 * stamps + 0.3 * stamps**2
+    poses = np.column_stack([way[:, None] * heading, np.full(11, 0.7)])
+    sigma = np.where(np.isin(np.arange(10), blind), 0.05, 0.002)
+    covariance = sigma[:, None, None] ** 2 * np.diag([1.0, 1e-4, 1e-6])
+    matching = ScanMatching(
+        Trajectory(stamps, poses), covariance, covariance, np.zeros(11, np.bool_), np.zeros((11, 3))
+    )
+    flags = blind_steps(matching)
+    assert np.flatnonzero(flags).tolist() == blind
+    speeds = Speeds([Seen(0.0, 1.0, heading, 0.5, 0.003**2, np.zeros(6))], 0.0)
+    found = [speeds.rest(k, matching, flags) for k in blind]
+    lengths, variances = zip(*((f.length, f.variance) for f in found if f is not None), strict=True)
+    assert sum(lengths) == pytest.approx(float(np.diff(way)[blind].sum()), abs=1e-9)
+    assert sum(variances) == pytest.approx(0.003**2 + (10 - len(blind)) * 0.002**2, rel=1e-6)

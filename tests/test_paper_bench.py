@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from box_room import FISHEYE, SIZE, WIDE, box_layout
 
-from recon.config import Config
+from recon.config import Config, TextureConfig
 from recon.errors import InputError
 from recon.evaluate.contour import ALL_ROUND, bearings, contour_ranges, layout_ranges
 from recon.evaluate.image_set import ImageSet, find_image_sets, mounting_pose, read_image_set, read_mounting
@@ -29,6 +29,8 @@ from recon.sequence.write import write_camera
 from recon.simulate import Plan, simulate
 
 POSE = (1.2, 1.0, 0.4)
+COARSE = Config(texture=TextureConfig(metres_per_texel=0.03))
+"""No picture is looked at."""
 
 
 def box_ranges(pose: tuple[float, float, float], angles: Array) -> Array:
@@ -164,7 +166,7 @@ def small_set(tmp_path_factory: pytest.TempPathFactory) -> ImageSet:
 def test_bench_on_a_small_set(small_set: ImageSet, tmp_path: Path) -> None:
     assert small_set.layout is not None and small_set.poses is not None
     assert as_sequence(small_set, 0.02, 0).scans.ranges.shape == (len(small_set), 360)
-    found = run_set(small_set, Config(), 0.02, tmp_path / "L.recon")
+    found = run_set(small_set, COARSE, 0.02, tmp_path / "L.recon")
     assert found.all_round and found.labels.images == len(small_set) > 10
     assert 0.95 < found.labels.accuracy <= 1.0
     assert (tmp_path / "L.recon" / "layout.json").is_file()

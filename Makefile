@@ -14,7 +14,7 @@ demo: $(READY)
 	$(BIN)/recon build samples/corridor -o demo/corridor.usd -o demo/corridor.glb -o demo/corridor.dxf --work demo/corridor.recon
 
 test: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadgroup
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -23,6 +23,7 @@ lint: $(READY)
 
 bench: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/build.py samples/corridor
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/texturing.py samples/corridor --images 43 200
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/accuracy.py samples/corridor $(DRIVES) --buildings 8
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/layout.py --buildings 20
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/uncertainty.py samples/corridor --buildings 6

@@ -21,7 +21,7 @@ from recon.model import Face, Layout, Room, Wall
 from recon.raycast import RayScene
 from recon.sampling import uv_from_points
 from recon.sequence.camera import Camera
-from recon.texture import refine_poses, texture_faces
+from recon.texture import gains, refine_poses, texture_faces
 from recon.texture.blur import blur_cost
 from recon.texture.fill import fill_smoothly
 from recon.texture.gains import Exposure, solve_log_gains
@@ -184,6 +184,21 @@ def test_gains_are_recovered(seed: int, outliers: float, fall: float) -> None:
     assert np.abs(error - error.mean(axis=0)).max() < 0.08, "slow changes are held back a little"
     assert np.abs(error.mean(axis=0)).max() < 0.25, "on the whole neither brighter nor darker"
     assert found[views] == pytest.approx(0), "an image that shares nothing is left as it is"
+
+
+def test_samples_of_exposure_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 60 images that see 3000 points each a few thousand samples are held, spread over all of them."""
+    monkeypatch.setattr(gains, "MOST_SAMPLES", 10_000)
+    rng = np.random.default_rng(4)
+    truth, colours = rng.normal(0, 0.2, 60), rng.uniform(3.2, 4.8, (4000, 3))
+    samples = gains.ExposureSamples()
+    for view, gain in enumerate(truth):
+        points = np.sort(rng.choice(4000, 3000, replace=False)).astype(np.int64)
+        samples.add(points, view, np.exp(colours[points] - gain).astype(np.uint8), np.full(3000, 0.5))
+        assert 2_000 < len(np.concatenate(samples._points)) <= 10_000
+    found = np.log(samples.solve(60).gains)
+    assert np.ptp(found - truth[:, None]) < 0.06
+    assert np.abs(found).max() > 0.2, "gains that there is something to find of"
 
 
 def test_what_stands_in_front_is_outvoted() -> None:

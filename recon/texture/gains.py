@@ -19,6 +19,8 @@ FLAT = 0.002
 """Pull of the lens's shading to none, as a share of all samples."""
 DARKEST, BRIGHTEST = 10, 248
 """Samples with a channel outside are clipped or noise."""
+MOST_SAMPLES = 600_000
+"""Held at a time, whatever the number of images: of more, those of every second point go, again and again."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +41,10 @@ class Exposure:
 
 
 class ExposureSamples:
-    """Colours of the same surface points in several images."""
+    """Colours of the same surface points in several images, MOST_SAMPLES at most."""
 
     def __init__(self) -> None:
+        self._stride, self._held = 1, 0
         self._points: list[NDArray[np.int64]] = []
         self._views: list[NDArray[np.int64]] = []
         self._logs: list[NDArray[np.float32]] = []
@@ -51,10 +54,24 @@ class ExposureSamples:
         """Points by number (n,), as image `view` sees them: colours (n, 3), clipped and dark ones are left out, at
         distances `radius` (n,) from the middle of the image (1: its corners)."""
         use = (colours.min(axis=1) >= DARKEST) & (colours.max(axis=1) <= BRIGHTEST)
+        use &= _scattered(points) % self._stride == 0
         self._points.append(points[use])
         self._views.append(np.full(int(use.sum()), view, np.int64))
         self._logs.append(np.log(colours[use].astype(np.float32)))
         self._radii.append(radius[use].astype(np.float32))
+        self._held += len(self._points[-1])
+        while self._held > MOST_SAMPLES:
+            self._thin()
+
+    def _thin(self) -> None:
+        """Half of the points: all samples of one stay together, since what counts is how images differ there."""
+        self._stride *= 2
+        kept = [_scattered(points) % self._stride == 0 for points in self._points]
+        self._points = [part[use] for part, use in zip(self._points, kept, strict=True)]
+        self._views = [part[use] for part, use in zip(self._views, kept, strict=True)]
+        self._logs = [part[use] for part, use in zip(self._logs, kept, strict=True)]
+        self._radii = [part[use] for part, use in zip(self._radii, kept, strict=True)]
+        self._held = sum(map(len, self._points))
 
     def solve(self, views: int) -> Exposure:
         """Of `views` images."""
@@ -64,6 +81,11 @@ class ExposureSamples:
         logs, radii = (np.concatenate(parts).astype(np.float64) for parts in (self._logs, self._radii))
         gains, shading = solve_log_gains(points, owners, logs, radii, views)
         return Exposure(np.exp(gains), shading)
+
+
+def _scattered(points: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers of points without the order that they lie in (multiplicative hashing, Knuth vol. 3, section 6.4)."""
+    return (points * 2654435761 & 0xFFFFFFFF) >> 8
 
 
 def solve_log_gains(

@@ -64,3 +64,36 @@ def expansion(
     for k in range(n):
         place[block[k]] = -1
     return gain, first[:count], second[:count], capacity[:count]
+
+
+@njit(cache=True, nogil=True)
+def in_cone(points: Array, low: Array, high: Array, radius: float, near: float, far: float) -> Index:
+    """Which (n,) of points (N, 3), camera frame, are deeper than `near`, nearer than `far` and in a `Lens`'s cone."""
+    out = np.empty(len(points), np.int64)
+    count = 0
+    for k in range(len(points)):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        inside = z > near and low[0] * z < x < high[0] * z and low[1] * z < y < high[1] * z
+        across = x * x + y * y
+        if inside and across < (radius * z) ** 2 and np.sqrt(across + z * z) < far:
+            out[count] = k
+            count += 1
+    return out[:count]
+
+
+@njit(cache=True, nogil=True)
+def resolution(pixels: Array, moved: Array, step: float) -> tuple[Array, Array]:
+    """Pixels per metre (n,), (n,) in the best and the worst resolved direction: the singular values of the Jacobian.
+
+    pixels: (n, 2) of points of a plane; moved: (2, n, 2) of these `step` m to either side. 0, 0 where that is nan.
+    """
+    fine, coarse = np.zeros(len(pixels)), np.zeros(len(pixels))
+    for k in range(len(pixels)):
+        a, b = (moved[0, k, 0] - pixels[k, 0]) / step, (moved[0, k, 1] - pixels[k, 1]) / step
+        c, d = (moved[1, k, 0] - pixels[k, 0]) / step, (moved[1, k, 1] - pixels[k, 1]) / step
+        total, determinant = a * a + b * b + c * c + d * d, a * d - b * c
+        if total > 0:
+            root = np.sqrt(max(total * total - 4 * determinant * determinant, 0.0))
+            fine[k] = np.sqrt((total + root) / 2)
+            coarse[k] = abs(determinant) / max(fine[k], 1e-12)
+    return fine, coarse

@@ -58,12 +58,11 @@ class Lens:
 
     def project(self, points: Array) -> Array:
         """Points (N, 3), camera frame, as pixels (N, 2) of the raw image; nan outside the cone that it covers."""
-        x, y, z = points.T
-        use = (z > NEAR) & (x > self.low[0] * z) & (x < self.high[0] * z) & (y > self.low[1] * z)
-        use &= (y < self.high[1] * z) & (x * x + y * y < (self.radius * z) ** 2)
+        from recon.texture.kernels import in_cone
+
+        use = in_cone(points, self.low, self.high, self.radius, NEAR, np.inf)
         pixels = np.full((len(points), 2), np.nan)
-        if use.any():
-            pixels[use] = self.camera.project(points[use])
+        pixels[use] = self.camera.project(points[use])
         return pixels
 
 
@@ -85,18 +84,20 @@ def look(lens: Lens, map_from_camera: Pose3, points: Array, axes: Array, spacing
 
     axes: (2, 3) unit vectors along the face. Occlusion is not looked at.
     """
+    from recon.texture.kernels import in_cone, resolution
+
     camera_from_map = map_from_camera.inverse()
     local = camera_from_map.apply(points)
     turned = axes @ camera_from_map.rotation.T
     towards = float(local[0] @ np.cross(turned[0], turned[1])) if len(points) else 0.0  # right x down: into the face
-    pixels = lens.project(local)
-    index = np.flatnonzero(_within(pixels, lens.camera, 1.0))
-    index = index[towards > MIN_SINE * np.linalg.norm(local[index], axis=1)]
-    local, pixels = local[index], pixels[index]
+    index = in_cone(local, lens.low, lens.high, lens.radius, NEAR, towards / MIN_SINE)
+    pixels = lens.camera.project(local[index])
+    inside = _within(pixels, lens.camera, 1.0)
+    index, pixels = index[inside], pixels[inside]
     step = 0.25 * spacing
-    along = [(lens.project(local + step * axis) - pixels) / step for axis in turned]
-    fine, coarse = _singular_values(*along)
-    ok = np.isfinite(coarse) & (coarse > 0)
+    moved = lens.project((local[index] + step * turned[:, None]).reshape(-1, 3)).reshape(2, -1, 2)
+    fine, coarse = resolution(pixels, moved, step)
+    ok = coarse > 0
     return Sight(index[ok], pixels[ok], fine[ok], coarse[ok])
 
 
@@ -105,15 +106,6 @@ def _within(pixels: Array, camera: Camera, margin: float) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):
         inside_x = (x >= margin) & (x <= camera.width - 1 - margin)
         return np.asarray(inside_x & (y >= margin) & (y <= camera.height - 1 - margin))
-
-
-def _singular_values(du: Array, dv: Array) -> tuple[Array, Array]:
-    """Larger and smaller singular value (n,) of the 2x2 matrices with columns du, dv (n, 2)."""
-    total = np.sum(du**2 + dv**2, axis=1)
-    det = du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]
-    root = np.sqrt(np.maximum(total**2 - 4 * det**2, 0))
-    large = np.sqrt(np.maximum(total + root, 0) / 2)
-    return large, np.abs(det) / np.maximum(large, 1e-12)
 
 
 def pyramid(image: Image, levels: int = LEVELS) -> list[Image]:
@@ -133,6 +125,8 @@ def level_of(footprint: Array | float, levels: int) -> NDArray[np.int64]:
 
 def at_level(pixels: NDArray[np.float32], image: Image, level: Image) -> NDArray[np.float32]:
     """Pixel coordinates (..., 2) of the image in its pyramid level."""
+    if level.shape == image.shape:
+        return pixels
     scale = np.array([level.shape[1] / image.shape[1], level.shape[0] / image.shape[0]], np.float32)
     return np.asarray((pixels + np.float32(0.5)) * scale - np.float32(0.5))
 

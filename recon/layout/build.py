@@ -17,13 +17,14 @@ from recon.layout.cells import Cells, cut_plane
 from recon.layout.clutter import is_sure, with_returns, without_clutter
 from recon.layout.depths import with_depths
 from recon.layout.dimensions import with_dimensions
-from recon.layout.evidence import FreeSpace, free_space, scan_rays
+from recon.layout.evidence import FreeSpace, free_space, ray_times, scan_rays
 from recon.layout.frontier import frontier_lines
 from recon.layout.furniture import filled, with_furniture, without_furniture
 from recon.layout.gates import with_gates
 from recon.layout.labelling import areas, label_cells, supports, trust
 from recon.layout.leaves import without_leaves
 from recon.layout.line import PlanLine, merged_lines
+from recon.layout.moving import stays
 from recon.layout.objects import floor_objects
 from recon.layout.openings import find_openings
 from recon.layout.outline import Side, sides, spurs, walls_of
@@ -55,12 +56,13 @@ def build_layout(
     """
     path = estimate.trajectory.poses[:, :2]
     starts, ends = scan_rays(estimate.trajectory, scans)
-    space = free_space(estimate.trajectory, starts, ends)
+    still = stays(starts, ends, ray_times(scans))
+    space = free_space(estimate.trajectory, starts, ends, still)
     lines = with_sigmas(merged_lines(estimate.walls), estimate)
     lines = within_sight(with_returns(lines, space), path)
     lines = without_furniture(without_blocks(without_leaves(lines, space), space), furniture)
     lines = without_clutter(absorb_steps(lines), space)
-    returns = Returns(starts, ends)
+    returns = Returns(starts[still], ends[still])
     lines = with_piers(with_surfaces(lines, returns), returns, space)
     visited = visited_space(space, [line for line in lines if is_sure(line)], path) | filled(space, furniture)
     lines = with_gates(lines, space)

@@ -72,9 +72,8 @@ class FreeSpace:
 def scan_rays(trajectory: Trajectory, scans: Scans) -> tuple[Array, Array]:
     """Starts and ends (R, 2), m, map frame, of all rays that returned; scans are thinned evenly beyond `MAX_RAYS`."""
     bearings = scans.bearings
-    stride = max(1, int(np.ceil(scans.ranges.size / MAX_RAYS)))
     starts, ends = [], []
-    for i in range(0, len(scans), stride):
+    for i in _used(scans):
         ok = scans.valid(i)
         if not ok.any():
             continue
@@ -90,8 +89,19 @@ def scan_rays(trajectory: Trajectory, scans: Scans) -> tuple[Array, Array]:
     return np.concatenate(starts), np.concatenate(ends)
 
 
-def free_space(trajectory: Trajectory, starts: Array, ends: Array) -> FreeSpace:
-    """Free space from rays `starts` to `ends` (R, 2), m, map frame.
+def ray_times(scans: Scans) -> Array:
+    """(R,) s: when each of the rays of `scan_rays` was sent."""
+    times = [scans.timestamps[i] + scans.time_increment * np.flatnonzero(scans.valid(i)) for i in _used(scans)]
+    return np.concatenate([np.zeros(0), *times])
+
+
+def _used(scans: Scans) -> range:
+    """The scans whose rays are evidence."""
+    return range(0, len(scans), max(1, int(np.ceil(scans.ranges.size / MAX_RAYS))))
+
+
+def free_space(trajectory: Trajectory, starts: Array, ends: Array, stays: NDArray[np.bool_] | None = None) -> FreeSpace:
+    """Free space from rays `starts` to `ends` (R, 2), m, map frame. stays: (R,) those that ended at what stayed there.
 
     Two passes: returns that stand out make a cell an obstacle; then rays are cut at the first obstacle, so that
     outliers and late changes do not open what many rays found closed.
@@ -105,6 +115,8 @@ def free_space(trajectory: Trajectory, starts: Array, ends: Array) -> FreeSpace:
     a, b = (starts - low) / resolution, (ends - low) / resolution
     nothing = np.zeros((rows, columns), np.bool_)
     hits, passes = count_rays(a, b, nothing)
+    if stays is not None:
+        hits, _ = count_rays(a[stays], b[stays], nothing)
     blocked = (hits >= MIN_HITS) & (hits >= BLOCKED_SHARE * passes)
     _, passes = count_rays(a, b, blocked)
     free = (passes >= MIN_PASSES) & ~blocked

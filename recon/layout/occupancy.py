@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array
-from recon.layout.evidence import BLOCKED_SHARE, MARGIN, PLATFORM_RADIUS, scan_rays
+from recon.layout.evidence import BLOCKED_SHARE, MARGIN, PLATFORM_RADIUS, ray_times, scan_rays
+from recon.layout.moving import stays
 from recon.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, trimmed
 from recon.sequence.sequence import Scans
 from recon.sequence.trajectory import Trajectory
@@ -22,7 +23,8 @@ MAX_CELLS = 16_000_000
 def build_occupancy(trajectory: Trajectory, scans: Scans) -> Occupancy:
     """Cells in which rays ended are occupied, cells that rays passed on their way to the first such cell are free.
 
-    One return is enough where few rays pass, such as at the far end of a hall: robots had better stop too early.
+    One return is enough where few rays pass, such as at the far end of a hall: robots had better stop too early. What
+    moved is not in the map.
     """
     from recon.layout.rays import count_rays  # numba takes a while to import
 
@@ -33,7 +35,10 @@ def build_occupancy(trajectory: Trajectory, scans: Scans) -> Occupancy:
     resolution = max(RESOLUTION, float(np.sqrt(np.prod(high - low) / MAX_CELLS)))
     columns, rows = np.ceil((high - low) / resolution).astype(int)
     a, b = (starts - low) / resolution, (ends - low) / resolution
-    hits, passes = count_rays(a, b, np.zeros((rows, columns), np.bool_))
+    nothing = np.zeros((rows, columns), np.bool_)
+    still = stays(starts, ends, ray_times(scans))
+    _, passes = count_rays(a, b, nothing)
+    hits, _ = count_rays(a[still], b[still], nothing)
     occupied = (hits > 0) & (hits >= BLOCKED_SHARE * passes)
     _, passes = count_rays(a, b, occupied)
     cells = np.where(occupied, OCCUPIED, np.where(passes > 0, FREE, UNKNOWN)).astype(np.uint8)

@@ -44,3 +44,56 @@ def count_rays(starts: Array, ends: Array, blocked: NDArray[np.bool_]) -> tuple[
         if not stopped:
             hits[y1, x1] += 1
     return hits, passes
+
+
+@njit(cache=True)
+def count_spells(
+    starts: Array, ends: Array, spell: NDArray[np.int64], rows: int, columns: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """In how many spells of time each cell was taken, and in how many it was passed at least twice and not taken.
+
+    starts, ends: (R, 2), in cells, (x, y), inside the grid and not on its rim. spell: (R,) ascending. A cell is taken
+    by a ray that ends in it or in one of the eight around it.
+    """
+    taken = np.zeros((rows, columns), np.int32)
+    clear = np.zeros((rows, columns), np.int32)
+    now = np.full((rows, columns), -1, np.int64)
+    hit = np.zeros((rows, columns), np.bool_)
+    passes = np.zeros((rows, columns), np.int32)
+    for i in range(len(starts)):
+        x, y = int(starts[i, 0]), int(starts[i, 1])
+        x1, y1 = int(ends[i, 0]), int(ends[i, 1])
+        dx, dy = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
+        sx, sy = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+        tx = ((x + (sx > 0)) - starts[i, 0]) / dx if dx != 0 else np.inf
+        ty = ((y + (sy > 0)) - starts[i, 1]) / dy if dy != 0 else np.inf
+        step_x = abs(1.0 / dx) if dx != 0 else np.inf
+        step_y = abs(1.0 / dy) if dy != 0 else np.inf
+        steps = abs(x1 - x) + abs(y1 - y)
+        for k in range(steps + 9):
+            u, v = x, y
+            if k >= steps:
+                u, v = x1 + (k - steps) % 3 - 1, y1 + (k - steps) // 3 - 1
+            if now[v, u] != spell[i]:
+                if hit[v, u]:
+                    taken[v, u] += 1
+                elif passes[v, u] > 1:
+                    clear[v, u] += 1
+                now[v, u], hit[v, u], passes[v, u] = spell[i], False, 0
+            if k >= steps:
+                hit[v, u] = True
+                continue
+            passes[v, u] += 1
+            if tx < ty:
+                x += sx
+                tx += step_x
+            else:
+                y += sy
+                ty += step_y
+    for v in range(rows):
+        for u in range(columns):
+            if hit[v, u]:
+                taken[v, u] += 1
+            elif passes[v, u] > 1:
+                clear[v, u] += 1
+    return taken, clear

@@ -104,7 +104,7 @@ def see_along(matching: ScanMatching, segments: Sequence[Segments], eye: Eye | N
     poses, stamps = matching.trajectory.poses, matching.trajectory.timestamps
     relative = between2(poses[:-1], poses[1:])
     fused, alone = matching.covariances.copy(), matching.scan_covariances.copy()
-    told = {int(k): speeds.between(float(stamps[k]), float(stamps[k + 1])) for k in np.flatnonzero(blind)}
+    told = {int(k): speeds.rest(int(k), matching, blind) for k in np.flatnonzero(blind)}
     for k, way in told.items():
         if way is None:
             continue
@@ -239,6 +239,32 @@ class Speeds:
         """covariance: (6, 6) of the camera's pose."""
         change = np.sum([s.change for s in seen], axis=0) if seen else np.zeros(6)
         return Speeds(seen, float(change @ covariance @ change) / max(sum(abs(s.way) for s in seen), 1e-6))
+
+    def rest(self, k: int, matching: ScanMatching, blind: NDArray[np.bool_]) -> Way | None:
+        """The way of the blind motion k, to the next scan: its part of what scans leave of the pair of images around
+        it, where they tell the rest of that; else as the speed says. None where no image is near.
+
+        A speed is the mean over a pair: a platform that speeds up is elsewhere by centimetres at one scan of it.
+        """
+        stamps = matching.trajectory.timestamps
+        start, end = float(stamps[k]), float(stamps[k + 1])
+        pair = next((s for s in self.seen if s.start <= (start + end) / 2 <= s.end), None)
+        if pair is None:
+            return self.between(start, end)
+        first, last = np.searchsorted(stamps, [pair.start, pair.end])
+        steps = np.arange(max(int(first) - 1, 0), min(int(last), len(blind)))
+        shared = np.minimum(stamps[steps + 1], pair.end) - np.maximum(stamps[steps], pair.start)
+        told = ~blind[steps]
+        unknown = (pair.end - pair.start) - float(shared[told].sum())
+        if not told.any() or unknown < (end - start) / 2:
+            return self.between(start, end)
+        poses = matching.trajectory.poses
+        parts = shared / np.diff(stamps)[steps]
+        ways = (poses[steps + 1, :2] - poses[steps, :2]) @ pair.direction * parts
+        spread = np.einsum("i,kij,j->k", pair.direction, _in_map(matching)[steps], pair.direction) * parts**2
+        share = (end - start) / unknown
+        variance = pair.variance + self.systematic * abs(pair.way) + float(spread[told].sum())
+        return Way((pair.way - float(ways[told].sum())) * share, variance * share, pair.direction)
 
     def between(self, start: float, end: float) -> Way | None:
         """The way between two times, s; None where no image is near."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from recon.calibration.calibrate import calibrate, check_given
 from recon.calibration.refine import foot_distances, refine
+from recon.calibration.search import Found, PoseSearch, with_rivals
 from recon.calibration.similarity import Similarity, fit_similarity, similarity_from_pairs
 from recon.calibration.support import CalibrationFrames, match, support
 from recon.calibration.topdown import ground_from_camera, ground_map, topdown_homography
@@ -212,6 +215,41 @@ def test_calibration_is_the_same_every_time_and_whatever_the_seed() -> None:
     assert np.array_equal(poses[0].matrix(), poses[1].matrix())
     for pose in poses:
         assert pose.translation == pytest.approx(truth.translation, abs=0.025)
+
+
+def settled_search(images: int, walls: Array) -> tuple[PoseSearch, Pose3, Found]:
+    """A search over few images that show half of the feet, the truth, and a place that votes crowd at beside it."""
+    truth = camera_pose(0.03, 0.25, 0.02, np.array([0.1, 0.03, 0.95]))
+    frames = views(truth, walls, np.random.default_rng(8), drive()[:images], 6, 0.5, (0.6, 0.0, 0.0))
+    search = PoseSearch(frames, CAMERA, (-truth.rotation[2], VERTICAL_SIGMA), 0.0077 * CAMERA.matrix[0, 0])
+    found = search.refine(truth)
+    assert found is not None
+    return search, truth, found
+
+
+def test_a_place_beside_the_right_one_is_left() -> None:
+    search, truth, found = settled_search(10, corridor_walls())
+    beside = Pose3(truth.rotation, truth.translation + np.array([0.1, -0.24, 0.03]))
+    wrong = Found(0.5 * found.evidence, replace(found.refined, platform_from_camera=beside))
+    assert search.share(wrong.refined) < 0.5
+    result = search.settled(wrong).refined
+    assert result.platform_from_camera.translation == pytest.approx(truth.translation, abs=0.02)
+    assert np.all(np.sqrt(np.diag(result.covariance)[3:]) < 0.05)
+
+
+def test_places_that_explain_as_much_are_in_the_sigmas() -> None:
+    """What was found, and a place 20 cm aside that has nearly as much evidence."""
+    _, _, found = settled_search(10, corridor_walls())
+    pose = found.refined.platform_from_camera
+    aside = Pose3(pose.rotation, pose.translation + np.array([0.0, 0.2, 0.0]))
+    rival = Found(0.98 * found.evidence, replace(found.refined, platform_from_camera=aside))
+    covariance = with_rivals([found, rival, rival]).refined.covariance
+    assert 0.08 < np.sqrt(covariance[4, 4]) < 0.2
+    for axis in (0, 3, 5):
+        assert covariance[axis, axis] == pytest.approx(found.refined.covariance[axis, axis])
+    assert with_rivals([found, replace(rival, evidence=0.8 * found.evidence)]).refined.covariance == pytest.approx(
+        found.refined.covariance
+    )
 
 
 def test_lines_that_have_nothing_to_do_with_the_scans_give_nothing() -> None:

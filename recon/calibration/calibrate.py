@@ -18,7 +18,7 @@ MAX_FRAMES = 80  # images in recursive RANSAC; the refinement uses all
 MIN_EVIDENCE = 30.0  # standard deviations above chance
 MIN_CONSENSUS = 3  # images
 MIN_SHARE = 0.6  # of the images with a foot in view, below which the search starts anew
-MIN_CONFIRMED = 0.35  # of them, below which a pose is chance: right ones explain 0.54 to 1, wrong ones 0.2 to 0.3
+MIN_CONFIRMED = 0.42  # of them, below which a pose is chance: right ones explain 0.54 to 1, wrong ones 0.2 to 0.38
 GIVEN_SIGMA = (0.002, 0.005)  # rad, m
 
 
@@ -45,6 +45,7 @@ def calibrate(
         best = search.blind(best)
     if best is None:
         return None
+    best = search.settled(best)
     found = search.lowest_plane(best)
     pose = found.refined.platform_from_camera
     images, fraction = _consensus(frames, search.counts((best if found.faint else found).refined))

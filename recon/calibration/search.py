@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from recon.calibration.refine import HEIGHT, Refinement, refine
 from recon.calibration.support import CalibrationFrames, score, support
-from recon.calibration.voting import MAX_YAW, blind_starts, vote, yaw_density
+from recon.calibration.voting import CELL, MAX_YAW, blind_starts, vote, yaw_density
 from recon.geometry import Array, Pose3
 from recon.sequence.camera import Camera
 
@@ -26,6 +26,11 @@ FAINT_SHARE, FAINT_CONTRAST = 0.1, 2.0  # of the feet that lines explain there, 
 FAINT_AROUND = 0.12  # m of height
 FAINT_BAND, FAINT_LEVEL = 0.08, 0.5  # bands with this share of the feet explain that part of what all explain
 FAINT_SHIFT = 0.02  # m that the camera may seem to stand elsewhere
+SETTLED = 0.9  # share of the images whose feet the lines explain, from which nothing better is looked for around it
+NEAR, NEAR_HEIGHT = 0.48, 0.09  # m to each side, and up and down, of the places looked at around a pose ...
+NEAR_STEP, NEAR_HEIGHT_STEP = 0.04, 0.03  # ... and m between them
+NEAR_IMAGES, NEAR_PLACES = 24, 10  # images by which they are ranked, and how many of the best are refined
+RIVAL = 0.85  # of the best evidence, from which other places count as possible
 BORDERS = 0.01 * np.arange(8, 80)  # m before a wall's foot, of borders of the floor
 BANDS = (0.8, 1.1, 1.4, 2.0, 3.0, 5.0)  # m from the camera to the wall
 MIN_FOOT = 80.0  # pixels of foot in an image before it counts
@@ -93,6 +98,30 @@ class PoseSearch:
         for i in np.argsort(values, kind="stable")[::-1][:MAX_STARTS]:
             best = self.around(posed[i], best)
         return best
+
+    def settled(self, found: Found) -> Found:
+        """The best of all places around the one found, where many images disagree with that.
+
+        With few images, or of walls that are much alike, votes crowd beside the right place. What has nearly as much
+        evidence as the best may be the place, too: the covariance holds how far those lie apart.
+        """
+        if self.share(found.refined) >= SETTLED:
+            return found
+        return with_rivals([found, *filter(None, map(self.refine, self._near(found.refined.platform_from_camera)))])
+
+    def _near(self, pose: Pose3) -> list[Pose3]:
+        """Places around a pose of the same rotation, the NEAR_PLACES of which lines support best, one a hill."""
+        from scipy.ndimage import maximum_filter
+
+        side = np.arange(-round(NEAR / NEAR_STEP), round(NEAR / NEAR_STEP) + 1) * NEAR_STEP
+        height = np.arange(-round(NEAR_HEIGHT / NEAR_HEIGHT_STEP), round(NEAR_HEIGHT / NEAR_HEIGHT_STEP) + 1)
+        steps = np.stack(np.meshgrid(side, side, height * NEAR_HEIGHT_STEP, indexing="ij"), axis=-1)
+        poses = [Pose3(pose.rotation, pose.translation + step) for step in steps.reshape(-1, 3)]
+        some = self._frames.thinned(NEAR_IMAGES)
+        values = np.array([score(support(some, self._camera, p, 2 * self._tolerance)) for p in poses])
+        grid = values.reshape(steps.shape[:3])
+        hills = np.flatnonzero((grid == maximum_filter(grid, 3)).ravel())
+        return [poses[i] for i in hills[np.argsort(-values[hills], kind="stable")[:NEAR_PLACES]]]
 
     def lowest_plane(self, found: Found) -> Found:
         """What was found, or a higher camera where lines support a plane below.
@@ -194,6 +223,20 @@ class PoseSearch:
         pose, offset = refined.platform_from_camera, refined.foot_offset
         tolerances = (self._tolerance, self._tolerance / 2)
         return sum(score(support(self._frames, self._camera, pose, t, None, offset)) for t in tolerances)
+
+
+def with_rivals(places: list[Found]) -> Found:
+    """The best of the places, its covariance widened by those that have nearly as much evidence."""
+    best = max(places, key=lambda place: place.evidence)
+    weights = np.array([max(p.evidence / best.evidence - RIVAL, 0.0) / (1 - RIVAL) for p in places])
+    away = np.array([p.refined.platform_from_camera.translation for p in places])
+    away = away - best.refined.platform_from_camera.translation
+    # the same place found from several starts counts once
+    _, first = np.unique(np.round(away / CELL).astype(np.int64), axis=0, return_index=True)
+    weights, away = weights[first], away[first]
+    covariance = best.refined.covariance.copy()
+    covariance[3:, 3:] += np.einsum("p,pi,pj->ij", weights, away, away) / max(float(weights.sum()), 1.0)
+    return replace(best, refined=replace(best.refined, covariance=covariance))
 
 
 def _peaks(values: Array) -> NDArray[np.bool_]:

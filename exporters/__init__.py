@@ -73,6 +73,8 @@ BUILDING_WRITERS: dict[str, str] = {
     ".usda": "usd:write_building_usda",
     ".usdc": "usd:write_building_usdc",
     ".usdz": "usd:write_building_usdz",
+    ".glb": "gltf:write_building_glb",
+    ".gltf": "gltf:write_building_gltf",
     ".dxf": "dxf:write_building_dxf",
     ".ifc": "ifc:write_building_ifc",
     ".geojson": "geojson:write_building_geojson",

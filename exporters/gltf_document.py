@@ -12,10 +12,11 @@ import recon
 from recon.exporters.collision import convex_bodies
 from recon.exporters.lightmap import light_map, own_light_map
 from recon.exporters.options import ExportOptions
+from recon.exporters.parts import Part
 from recon.exporters.pictures import MIME, OPACITY, encode, linear_rgb, material_name, texture_path
 from recon.exporters.shape import Group, Structure, face_normal, room_facts, y_up
 from recon.geometry import Array
-from recon.model import NEUTRAL_COLOURS, Face, Model
+from recon.model import NEUTRAL_COLOURS, Face
 
 ROUGHNESS = 0.9
 # Names of the values that the specification gives as numbers.
@@ -26,28 +27,35 @@ WEBP = "EXT_texture_webp"
 
 
 class Document:
-    """A node a face, under nodes of its opening and its room, under one root named as the model.
+    """A node a face, under nodes of its opening and its room, under one root named as the building.
+
+    Several storeys have nodes between, and their names before those of all that is on them.
 
     What is known of a face or room are its node's `extras`; the model's notes those of the root. TEXCOORD_1 are
     light-map coordinates: one square for all faces, or where the engine makes a map of every mesh, one square a face.
 
     engine: "godot": names of nodes end in -col, Godot then makes collision shapes. "unreal": convex meshes UCX_NAME_00
-    beside each face. textures: folder of the pictures, None to put them into the binary buffer.
+    beside each face. embedded: pictures are in the binary buffer, else in the folders of the parts.
     """
 
-    def __init__(self, model: Model, options: ExportOptions, textures: str | None = None) -> None:
-        self.model, self.options, self.textures = model, options, textures
-        self.structure = Structure(model)
+    def __init__(self, name: str, parts: list[Part], options: ExportOptions, embedded: bool) -> None:
+        self.name, self.options, self.embedded = name, options, embedded
+        structures = [Structure(part.model) for part in parts]
         self.binary = bytearray()
         self.lists: dict[str, list[dict[str, Any]]] = {}
         self.materials: dict[str, int] = {}
-        faces = self.structure.faces()
-        squares = light_map(faces) if options.engine is None else [own_light_map(face) for face in faces]
-        self.light = {face.name: square for face, square in zip(faces, squares, strict=True)}
-        rooms = [self._group(group) for group in self.structure.groups]
-        root: dict[str, Any] = {"name": model.name} | ({"children": rooms} if rooms else {})
-        if model.notes:
-            root["extras"] = {"notes": list(model.notes)}
+        faces = [(part.name, face) for part, each in zip(parts, structures, strict=True) for face in each.faces()]
+        flat = [face for _, face in faces]
+        squares = light_map(flat) if options.engine is None else [own_light_map(face) for face in flat]
+        self.light = {(part, face.name): square for (part, face), square in zip(faces, squares, strict=True)}
+        below: list[int] = []
+        for self.part, self.structure in zip(parts, structures, strict=True):
+            rooms = [self._group(group) for group in self.structure.groups]
+            below += [self._level(rooms)] if self.part.name else rooms
+        root: dict[str, Any] = {"name": name} | ({"children": below} if below else {})
+        notes = list(dict.fromkeys(note for part in parts for note in part.model.notes))
+        if notes:
+            root["extras"] = {"notes": notes}
         self.root = self._add("nodes", root)
 
     def content(self, buffer: dict[str, Any]) -> dict[str, Any]:
@@ -56,7 +64,7 @@ class Document:
         document: dict[str, Any] = {"asset": {"version": "2.0", "generator": f"recon {recon.__version__}"}}
         if webp:
             document |= {"extensionsUsed": webp, "extensionsRequired": webp}
-        document |= {"scene": 0, "scenes": [{"name": self.model.name, "nodes": [self.root]}], **self.lists}
+        document |= {"scene": 0, "scenes": [{"name": self.name, "nodes": [self.root]}], **self.lists}
         if self.binary:
             document["buffers"] = [{"byteLength": len(self.binary)} | buffer]
         return document
@@ -66,24 +74,36 @@ class Document:
         items.append(item)
         return len(items) - 1
 
+    def _level(self, rooms: list[int]) -> int:
+        elevation = float(self.part.elevation)
+        node = {"name": self.part.name, "translation": [0.0, elevation, 0.0]} | ({"children": rooms} if rooms else {})
+        return self._add(
+            "nodes", node | {"extras": {"kind": "storey", "name": self.part.title, "elevation": elevation}}
+        )
+
+    def _named(self, name: str) -> str:
+        """The name of something on this storey."""
+        return f"{self.part.name}_{name}" if self.part.name else name
+
     def _group(self, group: Group) -> int:
         children = [node for face in group.faces for node in self._nodes(face)]
         for name, faces in group.parts.items():
             parts = [node for face in faces for node in self._nodes(face)]
-            children.append(self._add("nodes", {"name": name, "children": parts}))
-        node: dict[str, Any] = {"name": group.name, "children": children}
+            children.append(self._add("nodes", {"name": self._named(name), "children": parts}))
+        node: dict[str, Any] = {"name": self._named(group.name), "children": children}
         return self._add("nodes", node | ({"extras": room_facts(group.room)} if group.room else {}))
 
     def _nodes(self, face: Face) -> list[int]:
         """The face and, where the engine wants them, its collision bodies."""
-        name = f"{face.name}-col" if self.options.engine == "godot" else face.name
-        mesh = self._add("meshes", {"name": face.name, "primitives": [self._primitive(face)]})
+        own = self._named(face.name)
+        name = f"{own}-col" if self.options.engine == "godot" else own
+        mesh = self._mesh(own, self._primitive(face))
         found = [self._add("nodes", {"name": name, "mesh": mesh, "extras": self.structure.facts(face)})]
         if self.options.engine == "unreal":
             for k, (vertices, triangles) in enumerate(convex_bodies(face)):
                 attributes = {"POSITION": self._accessor(y_up(vertices).astype("<f4"), "VEC3")}
                 body = {"attributes": attributes, "indices": self._indices(triangles)}
-                title = f"UCX_{face.name}_{k:02d}"
+                title = f"UCX_{own}_{k:02d}"
                 found.append(self._add("nodes", {"name": title, "mesh": self._mesh(title, body)}))
         return found
 
@@ -96,7 +116,7 @@ class Document:
         attributes = {"POSITION": self._accessor(positions, "VEC3"), "NORMAL": self._accessor(normals, "VEC3")}
         # Numbered from 0 without a gap, so faces without a texture have the first pair, too.
         attributes["TEXCOORD_0"] = self._accessor(_downward(face.uv), "VEC2")
-        attributes["TEXCOORD_1"] = self._accessor(_downward(self.light[face.name]), "VEC2")
+        attributes["TEXCOORD_1"] = self._accessor(_downward(self.light[self.part.name, face.name]), "VEC2")
         return {"attributes": attributes, "indices": self._indices(face.triangles), "material": self._material(face)}
 
     def _indices(self, triangles: NDArray[np.int64]) -> int:
@@ -121,7 +141,7 @@ class Document:
         return self._add("bufferViews", view | ({"target": target} if target else {}))
 
     def _material(self, face: Face) -> int:
-        name = material_name(face)
+        name = material_name(face) if face.texture is None else self._named(material_name(face))
         if name not in self.materials:
             material: dict[str, Any] = {"name": name, "pbrMetallicRoughness": self._surface(face)}
             if face.texture is None and face.kind in OPACITY:
@@ -137,17 +157,16 @@ class Document:
         if "samplers" not in self.lists:
             filters = {"magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR}
             self._add("samplers", filters | {"wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE})
-        image = self._add("images", {"name": material_name(face)} | self._picture(face))
+        name = self._named(material_name(face))
+        image = self._add("images", {"name": name} | self._picture(face))
         source = {"source": image}
         texture = {"extensions": {WEBP: source}} if self.options.texture_format == "webp" else source
-        return surface | {
-            "baseColorTexture": {"index": self._add("textures", {"name": material_name(face), "sampler": 0} | texture)}
-        }
+        return surface | {"baseColorTexture": {"index": self._add("textures", {"name": name, "sampler": 0} | texture)}}
 
     def _picture(self, face: Face) -> dict[str, Any]:
         kind = self.options.texture_format
-        if self.textures is not None:
-            return {"uri": quote(texture_path(face, self.textures, kind))}
+        if not self.embedded:
+            return {"uri": quote(texture_path(face, self.part.textures, kind))}
         assert face.texture is not None
         return {"mimeType": MIME[kind], "bufferView": self._view(encode(face.texture, kind))}
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
-from recon.exporters.pictures import texture_files
-from recon.exporters.usd_stage import Part, build_stage, prim_name
+from recon.exporters.parts import part_pictures, parts_of
+from recon.exporters.usd_stage import build_stage
 from recon.model import Model
 from recon.storeys import Building, one_storey
 
@@ -40,41 +40,22 @@ def write_usdz(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Ou
 
 def write_building_usdc(building: Building, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """Binary USD of all storeys, textures beside it in `<stem>.textures`, by storey where there are several."""
-    parts = _parts(building, f"{stem}.textures")
-    return Output(_crate(build_stage(building.name, parts, options)), _pictures(parts, options))
+    parts = parts_of(building, f"{stem}.textures")
+    return Output(_crate(build_stage(building.name, parts, options)), part_pictures(parts, options))
 
 
 def write_building_usda(building: Building, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """Text USD of all storeys, textures as `write_building_usdc`."""
-    parts = _parts(building, f"{stem}.textures")
+    parts = parts_of(building, f"{stem}.textures")
     stage = build_stage(building.name, parts, options)  # held here: its layer dies with it
-    return Output(stage.GetRootLayer().ExportToString().encode(), _pictures(parts, options))
+    return Output(stage.GetRootLayer().ExportToString().encode(), part_pictures(parts, options))
 
 
 def write_building_usdz(building: Building, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """All storeys in one package, as `write_usdz`."""
-    parts = _parts(building, "textures")
+    parts = parts_of(building, "textures")
     files = {"model.usdc": _crate(build_stage(building.name, parts, options))}
-    return Output(_package(files | _pictures(parts, options)))
-
-
-def _parts(building: Building, folder: str) -> list[Part]:
-    """One part a storey; that of a building with one storey has no name, and its textures no folder of their own."""
-    if len(building.storeys) == 1:
-        storey = building.storeys[0]
-        return [Part("", storey.name, storey.elevation, storey.model, folder)]
-    parts: list[Part] = []
-    for storey in building.storeys:
-        name = prim_name(storey.name, {part.name for part in parts})
-        parts.append(Part(name, storey.name, storey.elevation, storey.model, f"{folder}/{name}"))
-    return parts
-
-
-def _pictures(parts: list[Part], options: ExportOptions) -> dict[str, bytes]:
-    files: dict[str, bytes] = {}
-    for part in parts:
-        files |= texture_files(part.model, part.textures, options.texture_format)
-    return files
+    return Output(_package(files | part_pictures(parts, options)))
 
 
 def _crate(stage: Usd.Stage) -> bytes:

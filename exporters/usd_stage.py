@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import recon
 from recon.exporters.options import ExportOptions
+from recon.exporters.parts import Part
 from recon.exporters.pictures import linear_rgb, mean_colour
 from recon.exporters.shape import Group, Structure, face_normal, room_facts, y_up
 from recon.exporters.usd_material import bind, define_material
 from recon.geometry import Array
-from recon.model import Face, Model
+from recon.model import Face
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -24,27 +23,6 @@ CEILING_VARIANTS = {"shown": "inherited", "hidden": "invisible"}
 """Variants to the visibility of ceilings; the first is the default."""
 _LABELS = {"reveal": ["wall"], "threshold": ["floor"]}
 """Semantic classes of faces that are not called what they are."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """One storey. name: of its prim, "" where the building has one storey only. textures: folder of its pictures."""
-
-    name: str
-    title: str
-    elevation: float
-    model: Model
-    textures: str
-
-
-def prim_name(title: str, taken: set[str]) -> str:
-    """A valid name of a prim, like `title`, that is not among those `taken`."""
-    plain = re.sub(r"[^A-Za-z0-9_]+", "_", title).strip("_") or "storey"
-    plain = f"storey_{plain}" if plain[0].isdigit() else plain
-    name, number = plain, 2
-    while name in taken or name == "materials":
-        name, number = f"{plain}_{number}", number + 1
-    return name
 
 
 def build_stage(name: str, parts: list[Part], options: ExportOptions) -> Usd.Stage:

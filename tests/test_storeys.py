@@ -5,15 +5,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import ifcopenshell
 import ifcopenshell.util.element
 import ifcopenshell.util.placement
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from two_rooms import two_rooms
+from two_rooms import HEIGHT, two_rooms
 from walled_plans import drive, odd_models, row_of_rooms
 
 from recon.errors import InputError, OutputError
@@ -178,3 +180,27 @@ def test_results_of_one_survey_lie_in_its_frame(
     assert (refused.status, len(refused.errors)) == (2, 1)
     assert "--place" in refused.errors[0]
     assert load_model(results[0]).trajectory is None
+
+
+def test_gltf_has_a_node_a_storey(tmp_path: Path) -> None:
+    model = two_rooms()
+    building = stack("Haus", [Storey("1. Stock", 3.2, model), Storey("Erdgeschoß", 0.0, model)])
+    for suffix in (".glb", ".gltf"):
+        export_building(building, tmp_path / f"haus{suffix}")
+        scene = trimesh.load_scene(tmp_path / f"haus{suffix}")
+        for level, elevation in (("Erdgescho", 0.0), ("storey_1_Stock", 3.2)):
+            faces = [scene.geometry[f"{level}_{face.name}"] for face in model.faces]
+            assert len(faces) == len(model.faces)
+            placed = [scene.graph[node] for node in scene.graph.nodes_geometry if node.startswith(level)]
+            points = np.concatenate([trimesh.transform_points(scene.geometry[g].vertices, at) for at, g in placed])
+            span = points[:, 1].min(), points[:, 1].max()
+            np.testing.assert_allclose(span, [elevation, elevation + HEIGHT], atol=1e-6)
+    content = json.loads((tmp_path / "haus.gltf").read_text())
+    names = [node["name"] for node in content["nodes"]]
+    assert len(set(names)) == len(names), "engines tell nodes by their names"
+    levels = [n["extras"] for n in content["nodes"] if n.get("extras", {}).get("kind") == "storey"]
+    storeys = {level["name"]: level["elevation"] for level in levels}
+    assert storeys == {"Erdgeschoß": 0.0, "1. Stock": 3.2}
+    assert all((tmp_path / unquote(image["uri"])).is_file() for image in content["images"])
+    light = [a["TEXCOORD_1"] for m in content["meshes"] for a in [m["primitives"][0]["attributes"]]]
+    assert len(set(light)) == len(content["meshes"])

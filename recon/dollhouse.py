@@ -177,8 +177,8 @@ def _shadowed_ground(
     mask = np.zeros((size[1], size[0]), np.float32)
     footprint = room_area(layout).union(wall_bodies(layout, cut=False)).buffer(0.1)
     for polygon in (p for p in shapely.get_parts(footprint) if p.geom_type == "Polygon"):
-        ring = shapely.get_coordinates(polygon.exterior)
-        outline = pixels_of(np.column_stack([ring, np.full(len(ring), -3 * BASE)]))
-        cv2.fillPoly(mask, [np.rint(outline).astype(np.int32)], 1.0)
+        rings = [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
+        outlines = [pixels_of(np.column_stack([ring, np.full(len(ring), -3 * BASE)])) for ring in rings]
+        cv2.fillPoly(mask, [np.rint(outline).astype(np.int32) for outline in outlines], 1.0)  # courts stay open
     mask = np.asarray(cv2.GaussianBlur(mask, (0, 0), max(0.3 / pixel, 1.0)))
     return np.asarray(255 * (1 - 0.28 * mask[..., None] * np.ones(3)), dtype=np.float32)

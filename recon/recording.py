@@ -33,8 +33,17 @@ SAME_TIME = 1e-4
 """s between an image and its pose: poses are written with six decimals."""
 WALL_COLOURS = {"lidar": (31, 111, 235), "image": (46, 158, 79), "inferred": (154, 160, 166)}
 PATH_COLOUR, LOOP_COLOUR, SCAN_COLOUR = (240, 163, 94), (46, 158, 79), (198, 40, 40)
+RESIDUAL_COLOURS = {
+    "lidar": (31, 111, 235),
+    "image": (198, 40, 40),
+    "motion": (46, 158, 79),
+    "odometry": (240, 163, 94),
+}
 LINE, POINT = 0.02, 0.02
 """m: radii of lines and points."""
+EYE = np.array([-0.3, -0.45, 0.85])
+"""From the middle of the building to the eye, in diagonals of it."""
+BACKGROUND = (30, 32, 36)
 
 
 @dataclass(frozen=True)
@@ -59,7 +68,7 @@ def save_recording(folder: Path, sequence: Sequence | None, path: Path) -> None:
     result = _read(folder)
     try:
         with atomic_path(path) as temporary:
-            stream.save(temporary)
+            stream.save(temporary, default_blueprint=_blueprint(result, sequence))
             _record(stream, result, sequence)
             stream.disconnect()
     except OSError as error:
@@ -71,7 +80,7 @@ def show_recording(folder: Path, sequence: Sequence | None) -> None:
     stream = _stream(folder.stem)
     result = _read(folder)
     try:
-        stream.spawn()
+        stream.spawn(default_blueprint=_blueprint(result, sequence))
     except (OSError, RuntimeError) as error:
         raise OutputError(f"Rerun's viewer did not start ({error}); -o run.rrd writes a file for it") from error
     _record(stream, result, sequence)
@@ -87,6 +96,32 @@ def _stream(name: str) -> rerun.RecordingStream:
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     return stream
+
+
+def _blueprint(result: _Result, sequence: Sequence | None) -> Any:
+    """What the viewer shows first: the building from above at an angle; beside it the image, sigmas and residuals."""
+    from rerun import blueprint
+
+    faces = [face.vertices for face in result.model.faces]
+    points = np.concatenate([*faces, _on_floor(result.trajectory.poses[:, :2])])
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+    eye = blueprint.EyeControls3D(position=middle + EYE * size, look_target=middle, eye_up=[0.0, 0.0, 1.0])
+    beside: list[Any] = []
+    if sequence is not None and sequence.images is not None and len(result.poses):
+        beside.append(blueprint.Spatial2DView(origin="world/camera/image", name="image"))
+    if len(result.model.pose_sigmas):
+        beside.append(blueprint.TimeSeriesView(origin="sigma", name="standard deviation of the position, m"))
+    if result.residuals:
+        beside.append(blueprint.TimeSeriesView(origin="residuals", name="residuals, standard deviations"))
+    view = blueprint.Spatial3DView(origin="world", name="building", eye_controls=eye, background=BACKGROUND)
+    shown = blueprint.Horizontal(view, blueprint.Vertical(*beside), column_shares=[2, 1]) if beside else view
+    panels = (
+        blueprint.TimePanel(state="collapsed", timeline="time"),
+        blueprint.SelectionPanel(state="hidden"),
+        blueprint.BlueprintPanel(state="collapsed"),
+    )
+    return blueprint.Blueprint(shown, *panels)
 
 
 def _read(folder: Path) -> _Result:
@@ -169,6 +204,8 @@ def _platform(stream: rerun.RecordingStream, result: _Result, sequence: Sequence
     import rerun
 
     stamps = result.trajectory.timestamps
+    for kind in result.residuals:
+        stream.log(f"residuals/{kind}", rerun.SeriesLines(colors=RESIDUAL_COLOURS[kind], names=kind), static=True)
     for i in _evenly(len(stamps), MOST_SCANS):
         stream.set_time("time", duration=float(stamps[i] - stamps[0]))
         x, y, yaw = result.trajectory.poses[i]

@@ -46,6 +46,28 @@ def test_a_recording_holds_what_result_and_sequence_hold(small: Small, tmp_path:
     assert found["/world/walls/lidar"] == found["/world/trajectory"] == 1
 
 
+def test_the_viewer_is_told_what_to_show_first(small: Small) -> None:
+    """One view in 3D with the building before its eye, and beside it image, sigmas and residuals."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    from recon.recording import _blueprint, _read
+
+    result = _read(small.folder)
+    shown = _blueprint(result, read_sequence(small.sequence)).root_container
+    view, beside = shown.contents
+    assert [part.origin for part in beside.contents] == ["world/camera/image", "sigma", "residuals"]
+    eye = view.properties["EyeControls3D"]
+    position, target = (np.array(batch.as_arrow_array().to_pylist()[0]) for batch in (eye.position, eye.look_target))
+    points = np.concatenate([face.vertices for face in small.build.model.faces])
+    assert target == pytest.approx((points.min(axis=0) + points.max(axis=0)) / 2, abs=1e-3)
+    away = (points - position) @ (target - position) / np.linalg.norm(target - position)
+    off = np.linalg.norm(
+        points - position - np.outer(away, (target - position) / np.linalg.norm(target - position)), axis=1
+    )
+    assert (np.degrees(np.arctan2(off, away)) < 35).all()  # in view
+    bare = _blueprint(result, None).root_container
+    assert [part.origin for part in bare.contents[1].contents] == ["sigma", "residuals"]
+
+
 def test_without_the_sequence_there_are_no_scans(small: Small, tmp_path: Path, run_recon: Any) -> None:
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     assert run_recon("view", small.folder, "-o", tmp_path / "run.rrd").status == 0

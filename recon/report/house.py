@@ -78,7 +78,9 @@ def _scene(model: Model) -> bytes:
     _lighten(document.get("materials", []))
     points = np.concatenate([face.vertices for face in model.faces])[:, [0, 2, 1]] * [1, 1, -1]
     _look(document, points)
-    text = json.dumps(document).encode()
+    for node in document["nodes"]:  # what is said of each face, nobody asks the view
+        node.pop("extras", None)
+    text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
     return head + struct.pack("<I4s", len(text), b"JSON") + text + rest

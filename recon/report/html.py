@@ -56,7 +56,9 @@ td:first-child, th:first-child { text-align: left; }
 .along { display: flex; justify-content: space-between; padding-left: 3rem; }
 @media (max-width: 45rem) { .sketch { display: block; } .sheet svg { max-width: none; } .full { display: none; }
   .scroll { max-height: 70vh; } }
-@media print { details, .full { display: none; } .scroll { max-height: none; overflow: visible; }
+@media print { details, h2:has(+ details), .full { display: none; }
+  .views, .charts { grid-template-columns: repeat(3, 1fr); gap: 0.5rem; }
+  .scroll { max-height: none; overflow: visible; }
   .sketch { display: none; } .sheet svg { max-width: 100%; } figure, tr { break-inside: avoid; }
   h2 { break-after: avoid; } .key i { print-color-adjust: exact; } body { max-width: none; padding: 0; } }
 """

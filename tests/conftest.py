@@ -33,6 +33,21 @@ distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.02, 0.0005, -0.0004, 
 """
 
 
+SHARED = {"sample": "corridor", "bare_sample": "corridor", "small": "small", "simulated": "clock", "small_set": "paper"}
+"""Fixtures that are built once, and the group of tests that one worker runs so that they are (`--dist loadgroup`)."""
+LONG = ("test_pipeline.py", "test_views.py", "test_blind.py", "test_sweep.py")
+"""Files whose tests come first, so that no worker is left with one at the end."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.name not in LONG)
+    for item in items:
+        groups = {SHARED[name] for name in getattr(item, "fixturenames", ()) if name in SHARED}
+        for group in sorted(groups)[:1]:
+            item.add_marker(pytest.mark.xdist_group(group))
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Callable[[str], Path]:
     """Folder of a named data set beside the checkout; the test is skipped where it is not there."""

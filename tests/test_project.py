@@ -87,14 +87,6 @@ def test_make_targets() -> None:
         assert re.search(rf"^{target}: \$\(READY\)$", makefile, re.MULTILINE)
 
 
-@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "samples/README.md", "samples/corridor/README.md"])
-def test_links_in_documents_lead_somewhere(name: str) -> None:
-    document = ROOT / name
-    for target in re.findall(r"\]\(([^)#]+)\)", document.read_text()):
-        if "://" not in target:
-            assert (document.parent / target).exists(), target
-
-
 def test_readme_names_every_output_suffix() -> None:
     from recon.exporters import SUFFIXES
 

@@ -102,9 +102,9 @@ def _set_up(document: Document, floors: Sequence[Floor], options: DrawingOptions
     document.appids.add(APPLICATION)
     document.linetypes.add(DASHED, [(DASH + GAP) * mm, DASH * mm, -GAP * mm], description="_ _ _ _")
     document.styles.add(STYLE, font="arial.ttf")
-    for kind, font in HAN_FONTS.items():
-        if any(isinstance(e, Text) and han(e.text) == kind for _, _, d in floors for e in (*d.plan, *d.sheet)):
-            document.styles.add(style_for(kind), font=font)
+    for letters, font in HAN_FONTS.items():
+        if any(isinstance(e, Text) and han(e.text) == letters for _, _, d in floors for e in (*d.plan, *d.sheet)):
+            document.styles.add(style_for(letters), font=font)
     _dimension_style(document, mm, options)
     for suffix, _, _ in floors:
         for layer in LAYERS:

@@ -104,7 +104,8 @@ def _covariances_to_json(covariances: Array) -> list[list[float] | None]:
 
 def _dimension_to_json(dimension: Dimension) -> dict[str, Any]:
     start, end = _points(np.stack([dimension.start, dimension.end]))
-    between = {"room": int(dimension.room), "walls": [int(w) for w in dimension.walls], "start": start, "end": end}
+    room = int(dimension.room) if dimension.room >= 0 else None
+    between = {"room": room, "walls": [int(w) for w in dimension.walls], "start": start, "end": end}
     return between | {"distance": _rounded(dimension.distance), "sigma": _rounded(dimension.sigma)}
 
 
@@ -113,6 +114,7 @@ def _opening_to_json(opening: Opening) -> dict[str, Any]:
     extent = {"start": start, "end": end, "bottom": _rounded(opening.bottom), "top": _rounded(opening.top)}
     more = {"sigma_top": _rounded(opening.sigma_top)} | ({"open": True} if opening.open else {})
     more |= {} if opening.depth is None else {"depth": _rounded(opening.depth)}
+    more |= {} if opening.sigma_jambs is None else {"sigma_jambs": _rounded(opening.sigma_jambs)}
     return {"id": int(opening.id), "type": opening.type, "wall": int(opening.wall), **extent, **more}
 
 
@@ -249,7 +251,7 @@ class _Reader:
             raise self.fail(f"{place}.walls", walls, "the ids of two walls")
         named = {"first": walls[0], "second": walls[1]}
         return Dimension(
-            room=self.integer(data, "room", place),
+            room=-1 if data.get("room") is None else self.integer(data, "room", place),
             walls=(self.integer(named, "first", f"{place}.walls"), self.integer(named, "second", f"{place}.walls")),
             start=self.point(data.get("start"), f"{place}.start"),
             end=self.point(data.get("end"), f"{place}.end"),
@@ -270,6 +272,7 @@ class _Reader:
             open=self.flag(data, "open", place),
             sigma_top=self.optional(data, "sigma_top", place),
             depth=self.optional(data, "depth", place),
+            sigma_jambs=self.optional(data, "sigma_jambs", place),
         )
 
     def object(self, value: Any, place: str) -> FloorObject:

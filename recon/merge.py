@@ -88,7 +88,8 @@ def _own_height(room: Room, layout: Layout) -> Room:
 def _numbered(layout: Layout, walls: int, rooms: int, openings: int, objects: int) -> Layout:
     def numbered(dimension: Dimension) -> Dimension:
         first, second = dimension.walls
-        return replace(dimension, room=dimension.room + rooms, walls=(first + walls, second + walls))
+        room = dimension.room + rooms if dimension.room >= 0 else dimension.room
+        return replace(dimension, room=room, walls=(first + walls, second + walls))
 
     return replace(
         layout,

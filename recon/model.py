@@ -94,7 +94,8 @@ class Opening:
 
     `open`: a door whose leaf stands open. One looks through it, as through a passage (`is_hole`). sigma_top: one
     standard deviation of `top`, None where no image shows it and `top` is assumed. depth: m from the face of the wall
-    back to the leaf or glass, None where nothing has measured it.
+    back to the leaf or glass, None where nothing has measured it. sigma_jambs: m, one standard deviation of where
+    `start` and `end` are along the wall, None where nothing says it.
     """
 
     id: int
@@ -107,6 +108,7 @@ class Opening:
     open: bool = False
     sigma_top: float | None = None
     depth: float | None = None
+    sigma_jambs: float | None = None
 
     @property
     def is_hole(self) -> bool:
@@ -132,6 +134,8 @@ class FloorObject:
 @dataclass(frozen=True)
 class Dimension:
     """The distance between two facing walls (ids) of a room (id), from `start` on the first to `end` (2,), m.
+
+    room -1: walls of several rooms, as the plan's dimension chains measure them.
 
     sigma: m, one standard deviation of the distance, from the joint covariance of both walls.
     """

@@ -13,7 +13,8 @@ from recon.facing import facing_rooms
 from recon.geometry import Array, cross2
 from recon.graph.estimate import MapEstimate
 from recon.layout.line import PlanLine
-from recon.layout.uncertainty import line_covariances
+from recon.layout.spans import across_rooms
+from recon.layout.uncertainty import follows, joint_covariances
 from recon.model import Dimension, Layout, Room, Wall
 
 PARALLEL = float(np.sin(np.radians(3.0)))
@@ -38,7 +39,7 @@ class _Pair:
 
 
 def with_dimensions(layout: Layout, owner: Sequence[int], lines: Sequence[PlanLine], estimate: MapEstimate) -> Layout:
-    """The layout with the dimensions of its rooms and the covariances of their corners.
+    """The layout with the dimensions of its rooms and across them, and the covariances of corners.
 
     owner: the line of each wall, -1 for none. Walls that nobody saw are not measured to.
     """
@@ -48,19 +49,14 @@ def with_dimensions(layout: Layout, owner: Sequence[int], lines: Sequence[PlanLi
     before = [[wall for wall in known if faced[wall.id] == k] for k in range(len(layout.rooms))]
     pairs = [pair for room, walls in zip(layout.rooms, before, strict=True) for pair in _facing(room, walls, line_of)]
     first, second = ([line_of[pair.walls[k].id] for pair in pairs] for k in range(2))
-    blocks = _joint(first, second, estimate)
+    blocks = joint_covariances(first, second, estimate)
     dimensions = tuple(
         Dimension(pair.room, (pair.walls[0].id, pair.walls[1].id), pair.start, pair.end, _sigma(pair, line_of, block))
         for pair, block in zip(pairs, blocks, strict=True)
     )
-    return replace(layout, dimensions=dimensions, rooms=_with_corners(layout, known, line_of, estimate))
-
-
-def _joint(first: list[PlanLine], second: list[PlanLine], estimate: MapEstimate) -> Array:
-    """(P, 4, 4) joint covariance of (offset, angle) of the one line and of the other."""
-    own, other = (line_covariances(lines, lines, estimate) for lines in (first, second))
-    cross = line_covariances(first, second, estimate)
-    return np.block([[own, cross], [cross.transpose(0, 2, 1), other]])
+    layout = replace(layout, dimensions=dimensions, rooms=_with_corners(layout, known, line_of, estimate))
+    seen = {wall.id: line_of[wall.id] for wall in known}
+    return replace(layout, dimensions=(*dimensions, *across_rooms(layout, seen, estimate)))
 
 
 def _facing(room: Room, walls: list[Wall], line_of: dict[int, PlanLine]) -> list[_Pair]:
@@ -87,16 +83,10 @@ def _facing(room: Room, walls: list[Wall], line_of: dict[int, PlanLine]) -> list
     return list(best.values())
 
 
-def _follows(line: PlanLine, point: Array, normal: Array) -> Array:
-    """(2,) how far, along `normal` (2,), a line moves at a point on it with its offset and its angle."""
-    turned = float(line.normal @ normal)
-    return np.array([turned, turned * float(line.along(point[None])[0])])
-
-
 def _sigma(pair: _Pair, line_of: dict[int, PlanLine], joint: Array) -> float:
     normal = pair.walls[0].normal
     near, far = (line_of[wall.id] for wall in pair.walls)
-    change = np.concatenate([-_follows(near, pair.start, normal), _follows(far, pair.end, normal)])
+    change = np.concatenate([-follows(near, pair.start, normal), follows(far, pair.end, normal)])
     return float(np.sqrt(max(change @ joint @ change, 0.0)))
 
 
@@ -109,12 +99,12 @@ def _with_corners(
     places = [(room, n, ending.get(key), starting.get(key)) for room, n, key in corners]
     met = [(room, n, a, b) for room, n, a, b in places if a is not None and b is not None]
     met = [(room, n, a, b) for room, n, a, b in met if abs(cross2(a.direction, b.direction)) > FLATTEST]
-    joint = _joint([a for _, _, a, _ in met], [b for _, _, _, b in met], estimate)
+    joint = joint_covariances([a for _, _, a, _ in met], [b for _, _, _, b in met], estimate)
     out = {room.id: np.full((len(room.polygon), 2, 2), np.nan) for room in layout.rooms}
     for (room, n, a, b), block in zip(met, joint, strict=True):
         point = room.polygon[n]
         change = np.zeros((2, 4))
-        change[0, :2], change[1, 2:] = _follows(a, point, a.normal), _follows(b, point, b.normal)
+        change[0, :2], change[1, 2:] = follows(a, point, a.normal), follows(b, point, b.normal)
         solve = np.linalg.solve(np.stack([a.normal, b.normal]), change)
         out[room.id][n] = solve @ block @ solve.T
     return tuple(replace(room, corner_covariances=out[room.id]) for room in layout.rooms)

@@ -35,6 +35,19 @@ def line_covariances(first: Sequence[PlanLine], second: Sequence[PlanLine], esti
     return out
 
 
+def joint_covariances(first: Sequence[PlanLine], second: Sequence[PlanLine], estimate: MapEstimate) -> Array:
+    """(P, 4, 4) joint covariance of (offset, angle) of the one line and of the other, pair by pair."""
+    own, other = (line_covariances(lines, lines, estimate) for lines in (first, second))
+    cross = line_covariances(first, second, estimate)
+    return np.block([[own, cross], [cross.transpose(0, 2, 1), other]])
+
+
+def follows(line: PlanLine, point: Array, way: Array) -> Array:
+    """(2,) how far, along the unit vector `way` (2,), a line moves at a point on it with its offset and its angle."""
+    turned = float(line.normal @ way)
+    return np.array([turned, turned * float(line.along(point[None])[0])])
+
+
 def with_sigmas(lines: Sequence[PlanLine], estimate: MapEstimate) -> list[PlanLine]:
     """Lines with the standard deviations that follow from the walls behind them."""
     spread = line_covariances(lines, lines, estimate)

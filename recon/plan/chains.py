@@ -45,11 +45,15 @@ TURNS = (
 
 @dataclass(frozen=True)
 class Stop:
-    """A place along a chain. point: (2,), m, what is measured. wall: whose face, None for the jamb of an opening."""
+    """A place along a chain. point: (2,), m, what is measured. wall: whose face, None for the jamb of an opening.
+
+    sigma: m, one standard deviation of a jamb's place, None where it is not known.
+    """
 
     x: float
     point: Array
     wall: Wall | None
+    sigma: float | None = None
 
 
 @dataclass(frozen=True)
@@ -130,14 +134,18 @@ def _sigma(a: Stop, b: Stop, known: Distance | None) -> float | None:
 
     At most it is the sum of both standard deviations, whatever their correlation (Minkowski). None: not known.
     """
-    if a.wall is None or b.wall is None or "inferred" in (a.wall.source, b.wall.source):
+    one, other = _own(a), _own(b)
+    if one is None or other is None:
         return None
-    sigma = known.sigma if known is not None else _own(a.wall) + _own(b.wall)
+    sigma = known.sigma if known is not None else one + other
     return sigma if np.isfinite(sigma) and sigma > 0 else None
 
 
-def _own(wall: Wall) -> float:
-    """Standard deviation of a face at its ends, m."""
+def _own(stop: Stop) -> float | None:
+    """Standard deviation of a jamb, or of a face at its ends, m; None where it is not known."""
+    wall = stop.wall
+    if wall is None or wall.source == "inferred":
+        return stop.sigma if wall is None else None
     return float(np.hypot(wall.sigma_offset, wall.sigma_angle * wall.length / 2))
 
 
@@ -184,10 +192,11 @@ def _jambs(layout: Layout, turn: Array) -> list[Stop]:
     for opening in layout.openings:
         wall = walls[opening.wall]
         if (turn @ wall.normal)[1] > np.sqrt(1 - SQUARE**2):
-            found.append(opening_ends(opening, wall) @ turn.T)
-    middles = np.array([ends.mean(axis=0) for ends in found]).reshape(-1, 2)
+            found.append((opening_ends(opening, wall) @ turn.T, opening.sigma_jambs))
+    middles = np.array([ends.mean(axis=0) for ends, _ in found]).reshape(-1, 2)
     clear = _clear(layout, turn, middles - [0.0, 0.02])
-    return [Stop(float(p[0]), p, None) for ends, ok in zip(found, clear, strict=True) if ok for p in ends]
+    seen = [both for both, ok in zip(found, clear, strict=True) if ok]
+    return [Stop(float(p[0]), p, None, sigma) for ends, sigma in seen for p in ends]
 
 
 def _clear(layout: Layout, turn: Array, points: Array) -> Array:

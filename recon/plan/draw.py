@@ -93,7 +93,7 @@ def _notes(model: Model, layout: Layout, options: DrawingOptions, angle: float) 
     unit = {"m": "metres", "mm": "millimetres", "ft": "feet and inches"}[options.units]
     notes = [f"Dimensions are clear distances between faces of walls, in {unit}."]
     if options.sigmas:
-        notes.append("±: one standard deviation; between rooms an upper bound of it. Jambs of openings have none.")
+        notes.append("±: one standard deviation; at jambs of openings an upper bound of it.")
     if any(wall.thickness is None for wall in layout.walls):
         thickness = length_text(DRAWN_THICKNESS, options.units, True)
         notes.append(f"Walls seen from one side only are drawn {thickness} thick.")

@@ -11,10 +11,8 @@ import numpy as np
 from recon.exporters.atlas import on_pages
 from recon.exporters.options import ExportOptions
 from recon.model import Face, Model
-from recon.tiles import tiled
+from recon.tiles import MOST_TEXELS, tiled
 
-MOST_TEXELS = 4096
-"""A side, of any picture: every engine, phone and browser takes that."""
 MOST_WANTED = 8192
 """A side, where that is asked for."""
 

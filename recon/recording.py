@@ -21,6 +21,7 @@ from recon.sequence.images import load_image
 from recon.sequence.sequence import Sequence
 from recon.sequence.trajectory import Trajectory
 from recon.sequence.tum import read_tum
+from recon.tiles import MOST_TEXELS, tiled
 
 if TYPE_CHECKING:
     import rerun
@@ -68,9 +69,10 @@ def save_recording(folder: Path, sequence: Sequence | None, path: Path) -> None:
     result = _read(folder)
     try:
         with atomic_path(path) as temporary:
-            stream.save(temporary, default_blueprint=_blueprint(result, sequence))
+            recording = stream.binary_stream()  # Rerun's own writer says nothing when the disk is full
+            stream.send_blueprint(_blueprint(result, sequence))
             _record(stream, result, sequence)
-            stream.disconnect()
+            temporary.write_bytes(recording.read() or b"")
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
@@ -144,7 +146,7 @@ def _record(stream: rerun.RecordingStream, result: _Result, sequence: Sequence |
             "that the result was built from"
         )
     stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for face in result.model.faces:
+    for face in tiled(result.model.faces, MOST_TEXELS):
         if face.kind != "ceiling":
             stream.log(f"world/model/{face.name}", _mesh(face), static=True)
     _lines(stream, result)

@@ -12,6 +12,8 @@ from recon.geometry import Array
 from recon.model import Face
 from recon.sampling import uv_from_points
 
+MOST_TEXELS = 4096
+"""A side, of any picture: every engine, phone and browser takes that."""
 OVERLAP = 16
 """Texels that a tile's picture reaches beyond it: filtered, also at a sixteenth of the size, no seam shows."""
 THROUGH = 1e-3

@@ -16,12 +16,16 @@ from recon.texture.fill import fill_smoothly
 from recon.texture.gains import Exposure
 from recon.texture.grain import grain, repeated
 from recon.texture.labelling import Views
+from recon.texture.pattern import pattern
 from recon.texture.view import Image, Lens, at_level, level_of, pyramid
 
 TILE = 64
 """Blocks a side of what is worked on at a time."""
 FEATHER = 2.5
 """How steeply one view gives way to the next: the blend is BLOCK / FEATHER texels wide."""
+
+UPRIGHT = 0.5
+"""Largest vertical part of a wall's normal."""
 
 Range = tuple[int, int]
 Grid = NDArray[np.float32]
@@ -52,8 +56,10 @@ def render(
     for tile_rows, tile_columns in _tiles(rows, columns):
         texels = (_texels(tile_rows), _texels(tile_columns))
         picture[texels], alpha[texels] = _tile(canvas, padded, (tile_rows, tile_columns), shots, lens, load)
-    alpha[: canvas.height, : canvas.width] *= canvas.inside()
-    _fill(picture, alpha)
+    inside = np.zeros(alpha.shape, bool)
+    inside[: canvas.height, : canvas.width] = canvas.inside()
+    alpha *= inside
+    fill_unseen(picture, alpha, inside, abs(float(canvas.plane.normal[2])) < UPRIGHT)
     sources = np.repeat(np.repeat(choice, BLOCK, axis=0), BLOCK, axis=1)[: canvas.height, : canvas.width]
     sources[alpha[: canvas.height, : canvas.width] < 128] = -1
     return np.ascontiguousarray(picture[: canvas.height, : canvas.width]), sources
@@ -136,10 +142,11 @@ def _to_uint8(values: Grid | Array) -> Image:
     return np.clip(np.round(values), 0, 255).astype(np.uint8)
 
 
-def _fill(picture: Image, alpha: Image) -> None:
-    """Gives the unseen texels of the picture, in place, the smooth continuation of the blocks around them.
+def fill_unseen(picture: Image, alpha: Image, inside: NDArray[np.bool_], upright: bool) -> None:
+    """Gives the unseen texels of a picture (H, W, 3), whole blocks, in place, what goes on from those around them.
 
-    Noise as strong as in what was seen lies on top.
+    alpha: (H, W), 255 where it was seen. inside: (H, W) texels on the face. upright: a wall. Colours go on smoothly,
+    what repeats repeats, and noise as strong as in what was seen lies on top.
     """
     if not (alpha < 255).any() or not alpha.any():
         return
@@ -149,7 +156,9 @@ def _fill(picture: Image, alpha: Image) -> None:
     share = cv2.resize((alpha >= 128).astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
     mean = cv2.resize(known, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32)
     mean /= np.maximum(share, 1e-3)[..., None]
-    smooth = fill_smoothly(mean, np.where(share > 0.1, weight, 0))
+    repeating = pattern(picture, alpha, inside, (mean, share), upright)
+    plain = mean if repeating is None else mean - repeating.blocks(rows, columns)
+    smooth = fill_smoothly(plain, np.where(share > 0.1, weight, 0))
     padded = np.pad(smooth, ((1, 1), (1, 1), (0, 0)), mode="edge")
     fine = grain(picture, alpha)
     for (top, bottom), (left, right) in _tiles(rows, columns):
@@ -157,6 +166,8 @@ def _fill(picture: Image, alpha: Image) -> None:
         own = alpha[place].astype(np.float32)[..., None] / 255
         if (own < 1).any():
             below = enlarge(padded[top : bottom + 2, left : right + 2])
+            if repeating is not None:
+                below = below + repeating.texels(*place)
             if fine is not None:
                 below = below + repeated(fine, *place)[..., None]
             picture[place] = _to_uint8(picture[place] * own + below * (1 - own))

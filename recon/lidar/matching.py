@@ -12,6 +12,7 @@ from recon.geometry import Array, between2, compose2, rotation2, wrap_angle
 from recon.lidar.clock import OdometryClock, odometry_clock
 from recon.lidar.cloud import Cloud, make_cloud
 from recon.lidar.correlative import PRIOR_WEIGHT, search
+from recon.lidar.doubt import GOOD_OVERLAP, match_doubt, match_spread, slides, surprise
 from recon.lidar.icp import Alignment, align
 from recon.lidar.keyframes import Keyframes
 from recon.lidar.localmap import LocalMap
@@ -26,8 +27,6 @@ KERNEL = 0.15
 KERNEL_SIGMAS = 3.0
 LAST_KERNEL = 0.03
 """m, width of the kernel at the last iteration (`KERNEL_SIGMAS` times the range noise where that is more)."""
-GOOD_OVERLAP = 0.75
-"""Share of a scan's points on the map from which an alignment near its prediction is beyond doubt."""
 MIN_OVERLAP = 0.3
 """Share below which matching failed."""
 MIN_MATCHED = 8
@@ -53,20 +52,12 @@ MARGIN = 0.03
 """Share of a scan's points by which one of these must be better than the place next to the prediction."""
 FLOOR = (0.001, 0.0003)
 """m, rad: standard deviations of a relative motion that always stay."""
-SLIDING = 0.005
-"""m: standard deviation along some direction from which an alignment may have slid along it."""
 LEVEL = 400.0
 """1/m^2: information to which points are levelled to see whether the scan fits better so."""
-CONTRADICTION = 4.0
-"""Squared normalised distance from constant velocity above which a match in doubt may as well be where it leads."""
-DOUBT = 0.5
-"""Part of the prediction's deviation that a match in doubt may be off, along the direction it knows least."""
 RECOVERY = (1.0, np.radians(60.0))
 """m, rad: standard deviations that replace the prediction where nothing lies near it (clocks and wheels do slip)."""
 RECOVERED_OVERLAP = 0.6
 """Share of a scan's points on the map from which a place far from the prediction is believed."""
-UNKNOWN = (10.0, 3.0)
-"""m, rad: standard deviations of what scans alone do not tell."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +163,7 @@ class _Matcher:
         failed = _is_lost(found)
         self._failed[k], self._poses[k] = failed, prior if failed else found.pose
         scan = np.zeros((3, 3)) if failed else found.information
-        doubt = _doubt(found, prior, information, sigma) if free and not failed else np.zeros((3, 3))
+        doubt = match_doubt(found, prior, information, sigma) if free and not failed else np.zeros((3, 3))
         self._note(k, motion, sigma, scan, doubt)
         self._velocity = between2(before, self._poses[k]) / (end - start)
         self._lost = self._lost + 1 if failed else 0
@@ -187,7 +178,7 @@ class _Matcher:
         doubt: (3, 3) covariance, map frame, of not knowing whether the match is right.
         """
         turn = _turn(self._poses[k - 1, 2])
-        covariance = _spread(information)
+        covariance = match_spread(information)
         covariance += turn @ np.diag(self._distortion[k] ** 2) @ turn.T
         relative = between2(self._poses[k - 1], self._poses[k])
         # the later pose seen from the earlier one moves against the earlier one, and about it as it turns
@@ -214,7 +205,7 @@ def _locate(
     free: nothing but constant velocity predicts, so that the scan may slide along a corridor.
     """
     found = _aligned(cloud, local, prior, prior, information, noise, free)
-    if found.overlap >= GOOD_OVERLAP and _surprise(found.pose, prior, information) < MAX_SURPRISE:
+    if found.overlap >= GOOD_OVERLAP and surprise(found.pose, prior, information) < MAX_SURPRISE:
         return found
     window = np.clip(REACH * sigma[[0, 2]], SMALLEST_WINDOW, LARGEST_WINDOW)
     places, margin = (PLACES, MARGIN) if free else (1, 0.0)
@@ -222,7 +213,7 @@ def _locate(
     others = [_aligned(cloud, local, guess, prior, information, noise, free) for guess in guesses]
 
     def gain(place: Alignment) -> float:
-        return place.overlap - PRIOR_WEIGHT * _surprise(place.pose, prior, information)
+        return place.overlap - PRIOR_WEIGHT * surprise(place.pose, prior, information)
 
     best = max(others, key=gain)
     return best if gain(best) > gain(found) + margin else found
@@ -233,40 +224,11 @@ def _aligned(
 ) -> Alignment:
     """`align`, and again with points levelled where a scan that nothing holds slides."""
     found = align(cloud, local, guess, prior, information, KERNEL, noise)
-    if free and _slides(found):
+    if free and slides(found):
         level = replace(cloud, information=np.minimum(cloud.information, LEVEL))
         other = align(level, local, guess, prior, information, KERNEL, noise)
         return other if other.overlap >= found.overlap else found
     return found
-
-
-def _spread(information: Array) -> Array:
-    """(3, 3) covariance of a match with `information` (3, 3), as wide as UNKNOWN where it tells nothing."""
-    return np.asarray(np.linalg.inv(information + np.diag(np.array(UNKNOWN)[[0, 0, 1]] ** -2.0)))
-
-
-def _slides(found: Alignment) -> bool:
-    """Whether the scan hardly says where it is along some direction.
-
-    Walls that are not quite straight then push it far along a corridor, step by step, to a worse place.
-    """
-    spread = _spread(found.information)
-    return bool(np.linalg.eigvalsh(spread[:2, :2])[-1] > SLIDING**2)
-
-
-def _doubt(found: Alignment, prior: Array, information: Array, sigma: Array) -> Array:
-    """(3, 3) covariance, map frame, of a match that nothing but constant velocity can contradict: 0 beyond doubt."""
-    doubt = np.zeros((3, 3))
-    if found.overlap >= GOOD_OVERLAP:
-        return doubt
-    spread = _spread(found.information)
-    along = np.linalg.eigh(spread[:2, :2])[1][:, -1]
-    doubt[:2, :2] = (DOUBT * sigma[0]) ** 2 * np.outer(along, along)
-    if _surprise(found.pose, prior, information) > CONTRADICTION:
-        offset = found.pose - prior
-        offset[2] = wrap_angle(offset[2])
-        doubt += np.outer(offset, offset)
-    return doubt
 
 
 def _is_lost(found: Alignment) -> bool:
@@ -280,13 +242,6 @@ def _recover(cloud: Cloud, local: LocalMap, prior: Array, noise: float) -> Align
     guess = search(cloud, local, prior, information, window)[0]
     found = align(cloud, local, guess, guess, information, KERNEL, noise)
     return found if found.overlap >= RECOVERED_OVERLAP and not _is_lost(found) else None
-
-
-def _surprise(pose: Array, prior: Array, information: Array) -> float:
-    """Squared normalised distance of a pose from the prior."""
-    offset = pose - prior
-    offset[2] = wrap_angle(offset[2])
-    return float(offset @ information @ offset)
 
 
 def _turn(yaw: float) -> Array:

@@ -87,8 +87,8 @@ def _opening(
         return
     ends = face.start + np.array([[low], [high]]) * face.direction
     surface = _upright(ifc, ends, max(doorway.bottom, 0.0), min(doorway.top, part.height))
-    thing = opening.void if opening.filling is None else opening.filling
-    kind = "PHYSICAL" if opening.filling is not None else "VIRTUAL"
+    thing = opening.void if opening.closed is None else opening.closed
+    kind = "VIRTUAL" if opening.closed is None else "PHYSICAL"
     _bound(ifc, key, part.space, thing, surface, inside, kind, whole)
 
 

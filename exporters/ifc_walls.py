@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -35,11 +36,15 @@ class Storeyed:
 
 @dataclass(frozen=True)
 class Opening:
-    """An opening cut: the void, what fills it (None for passages), and its area, m^2."""
+    """An opening cut in one wall: the void, what fills it, its area (m^2) and volume (m^3).
+
+    filling: None for passages, and where the way goes on through a second wall. closed: what fills it in either.
+    """
 
     doorway: Doorway
     void: Entity
     filling: Entity | None
+    closed: Entity | None
     area: float
     volume: float
 
@@ -62,13 +67,23 @@ def add_walls(at: Storeyed, layout: Layout) -> list[WallPart]:
             by_face.setdefault(face.id, []).append(n)
     cuts: list[list[_Cut]] = [[] for _ in solids]
     for doorway in doorways(layout):
-        hosts = {n for opening in doorway.openings for n in by_face.get(opening.wall, [])}
-        found = [(cut.low - cut.high, n, cut) for n in sorted(hosts) if (cut := _cut(solids[n], doorway)) is not None]
-        if found:
-            _, n, best = min(found, key=lambda f: f[:2])
-            if not any(best.overlaps(other) for other in cuts[n]):
-                cuts[n].append(best)
-    return [_wall(at, n, solid, mine) for n, (solid, mine) in enumerate(zip(solids, cuts, strict=True))]
+        for n, cut in _cuts(solids, by_face, doorway):
+            if not any(cut.overlaps(other) for other in cuts[n]):
+                cuts[n].append(cut)
+    leaves: dict[int, Entity | None] = {}
+    return [_wall(at, n, solid, mine, leaves) for n, (solid, mine) in enumerate(zip(solids, cuts, strict=True))]
+
+
+def _cuts(solids: Sequence[WallSolid], by_face: dict[int, list[int]], doorway: Doorway) -> Iterator[tuple[int, _Cut]]:
+    """The walls (index) that a doorway goes through: that of either side, which is one but where faces form a wedge."""
+    done: set[int] = set()
+    for opening in doorway.openings:
+        mine = by_face.get(opening.wall, [])
+        found = [(cut.low - cut.high, n, cut) for n in mine if (cut := _cut(solids[n], doorway)) is not None]
+        if found and not done.intersection(mine):
+            _, n, cut = min(found, key=lambda f: f[:2])
+            done.add(n)
+            yield n, cut
 
 
 @dataclass(frozen=True)
@@ -107,7 +122,8 @@ def _local(solid: WallSolid, polygon: Polygon) -> Polygon:
     return moved
 
 
-def _wall(at: Storeyed, number: int, solid: WallSolid, cuts: list[_Cut]) -> WallPart:
+def _wall(at: Storeyed, number: int, solid: WallSolid, cuts: list[_Cut], leaves: dict[int, Entity | None]) -> WallPart:
+    """leaves: what fills doorways, by id; added to."""
     ifc, key = at.ifc, f"{at.key}/wall {number}"
     footprint = _local(solid, solid.footprint)
     axis = ifc.polyline([(0.0, 0.0), (solid.length, 0.0)])
@@ -123,7 +139,7 @@ def _wall(at: Storeyed, number: int, solid: WallSolid, cuts: list[_Cut]) -> Wall
         Tag=f"{number:03d}",
         **({"PredefinedType": "SOLIDWALL"} if ifc.schema == "IFC4" and not inferred(solid) else {}),
     )
-    openings = tuple(_opening(at, solid, wall, place, cut, footprint) for cut in cuts)
+    openings = tuple(_opening(at, solid, (wall, place), cut, footprint, leaves) for cut in cuts)
     ifc.properties(key, [wall], "Recon_Measurement", _known(solid))
     ifc.quantities(key, wall, "Qto_WallBaseQuantities", _sizes(solid, openings))
     return WallPart(solid, wall, openings)
@@ -179,13 +195,18 @@ def _sizes(solid: WallSolid, openings: tuple[Opening, ...]) -> dict[str, tuple[s
 
 
 def _opening(
-    at: Storeyed, solid: WallSolid, wall: Entity, wall_place: Entity, cut: _Cut, footprint: Polygon
+    at: Storeyed,
+    solid: WallSolid,
+    placed: tuple[Entity, Entity],
+    cut: _Cut,
+    footprint: Polygon,
+    leaves: dict[int, Entity | None],
 ) -> Opening:
-    """The void, from face to face and a little out of both, and the leaf or pane in the middle."""
+    """The void, from face to face and a little out of both, and the leaf or pane in the middle. placed: wall, place."""
     import shapely
 
-    ifc, doorway = at.ifc, cut.doorway
-    key = f"{at.key}/{doorway.type} {doorway.id}"
+    ifc, doorway, (wall, wall_place) = at.ifc, cut.doorway, placed
+    key = f"{at.key}/{doorway.type} {doorway.id}" + ("/behind" if doorway.id in leaves else "")
     width, height = cut.high - cut.low, cut.top - cut.bottom
     way = footprint.intersection(shapely.box(cut.low, footprint.bounds[1], cut.high, footprint.bounds[3]))
     back, front = (way.bounds[1], way.bounds[3]) if not way.is_empty else (-solid.thickness / 2, solid.thickness / 2)
@@ -201,10 +222,11 @@ def _opening(
     )
     ifc.root("IfcRelVoidsElement", key, RelatingBuildingElement=wall, RelatedOpeningElement=void)
     filling = None
-    if doorway.type != "passage":
+    if doorway.id not in leaves and doorway.type != "passage":
         filling = _filling(at, key, doorway, place, (width, height, 0.5 * (back + front)), front - back)
         ifc.root("IfcRelFillsElement", key, RelatingOpeningElement=void, RelatedBuildingElement=filling)
-    return Opening(doorway, void, filling, width * height, float(way.area) * height)
+    closed = leaves.setdefault(doorway.id, filling)
+    return Opening(doorway, void, filling, closed, width * height, float(way.area) * height)
 
 
 def _filling(

@@ -12,13 +12,15 @@ from recon.geometry import Array
 from recon.model import Layout, Opening, OpeningType, Wall
 from recon.plan import opening_span
 from recon.polygons import areas
-from recon.strips import PARALLEL, THICKEST
+from recon.strips import THICKEST
 
 if TYPE_CHECKING:
     from shapely import STRtree
 
 TOUCHING = 0.05
 """m: two faces of one wall overlap by no more."""
+ASKEW = float(np.cos(np.radians(25.0)))
+"""Cosine of the angle between the two faces that a way goes through, at least: of wedges, more than of one wall's."""
 SHARED = 0.5
 """Share of the narrower opening that the other covers, at least."""
 ORDER: tuple[OpeningType, ...] = ("door", "window", "passage")
@@ -116,7 +118,7 @@ def _pairs(openings: tuple[Opening, ...], walls: dict[int, Wall]) -> dict[int, i
 def _depth(first: Opening, second: Opening, walls: dict[int, Wall]) -> float | None:
     """m through the wall from one opening to the other; None where they are not two sides of one way."""
     wall, other = walls[first.wall], walls[second.wall]
-    if wall.normal @ other.normal > -PARALLEL:
+    if wall.normal @ other.normal > -ASKEW:
         return None
     a, b = opening_span(first, wall), _along(second, wall)
     shared = min(a[1], b[1]) - max(a[0], b[0])

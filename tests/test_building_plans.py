@@ -59,6 +59,25 @@ def test_walls_and_areas_of_ifc_are_those_of_the_layout(seed: int, tmp_path: Pat
     assert shapely.union_all(grounds).area == pytest.approx(sum(g.area for g in grounds), abs=2e-3)  # none twice
 
 
+@pytest.mark.parametrize("seed", [1, 6])  # walls of the second form wedges
+def test_nothing_is_left_standing_in_the_ways_between_rooms(seed: int, tmp_path: Path) -> None:
+    building, model = plan(seed)
+    sides: dict[int, list[Any]] = {}
+    for niche, opening in zip(building.niches, model.layout.openings, strict=True):
+        sides.setdefault(niche.opening, []).append(0.5 * (opening.start + opening.end))
+    ways = [shapely.LineString(ends) for ends in sides.values() if len(ends) == 2]
+    export(model, tmp_path / "a.ifc")
+    file = ifcopenshell.open(str(tmp_path / "a.ifc"))
+    walls = shapely.union_all([ground(wall) for wall in file.by_type("IfcWall")])
+    voids = shapely.union_all([ground(void) for void in file.by_type("IfcOpeningElement")])
+    assert ways
+    for way in ways:
+        assert walls.intersection(way).length > 0.5 * way.length
+        assert walls.difference(voids).intersection(way).length < 1e-3
+    filled = [relation.RelatedBuildingElement for relation in file.by_type("IfcRelFillsElement")]
+    assert len(filled) == len(set(filled)) == len(file.by_type("IfcDoor")) + len(file.by_type("IfcWindow"))
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_every_way_between_rooms_is_an_edge_and_there_are_no_others(seed: int, tmp_path: Path) -> None:
     building, model = plan(seed)

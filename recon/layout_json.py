@@ -33,7 +33,7 @@ def layout_to_json(layout: Layout) -> dict[str, Any]:
         "openings": [_opening_to_json(o) for o in layout.openings],
         "objects": [_object_to_json(o) for o in layout.objects],
         "dimensions": [_dimension_to_json(d) for d in layout.dimensions],
-    }
+    } | ({"spans": [_dimension_to_json(d) for d in layout.spans]} if layout.spans else {})
 
 
 def layout_from_json(data: Any, where: str) -> Layout:
@@ -62,6 +62,7 @@ def layout_from_json(data: Any, where: str) -> Layout:
         dimensions=tuple(
             reader.dimension(d, f"dimensions[{i}]") for i, d in enumerate(reader.items(top, "dimensions"))
         ),
+        spans=tuple(reader.dimension(d, f"spans[{i}]") for i, d in enumerate(reader.items(top, "spans"))),
     )
     _check_ids(layout, where)
     return layout

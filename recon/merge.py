@@ -21,7 +21,10 @@ def moved(model: Model, target_from_map: ArrayLike) -> Model:
     layout = model.layout
     walls = tuple(replace(w, start=apply2(pose, w.start), end=apply2(pose, w.end)) for w in layout.walls)
     openings = tuple(replace(o, start=apply2(pose, o.start), end=apply2(pose, o.end)) for o in layout.openings)
-    dimensions = tuple(replace(d, start=apply2(pose, d.start), end=apply2(pose, d.end)) for d in layout.dimensions)
+    dimensions, spans = (
+        tuple(replace(d, start=apply2(pose, d.start), end=apply2(pose, d.end)) for d in some)
+        for some in (layout.dimensions, layout.spans)
+    )
     layout = replace(
         layout,
         walls=walls,
@@ -29,6 +32,7 @@ def moved(model: Model, target_from_map: ArrayLike) -> Model:
         openings=openings,
         objects=tuple(_moved_object(thing, pose) for thing in layout.objects),
         dimensions=dimensions,
+        spans=spans,
     )
     faces = tuple(replace(f, vertices=np.column_stack([apply2(pose, f.vertices[:, :2]), f.vertices[:, 2]]))
                   for f in model.faces)  # fmt: skip
@@ -70,6 +74,7 @@ def merged(models: Sequence[Model]) -> Model:
         openings=tuple(o for part in layouts for o in part.openings),
         objects=tuple(o for part in layouts for o in part.objects),
         dimensions=tuple(d for part in layouts for d in part.dimensions),
+        spans=tuple(d for part in layouts for d in part.spans),
     )
     notes = tuple(dict.fromkeys(note for model in models for note in model.notes))
     return Model(" + ".join(dict.fromkeys(m.name for m in models)), layout, tuple(faces), notes)
@@ -98,6 +103,7 @@ def _numbered(layout: Layout, walls: int, rooms: int, openings: int, objects: in
         openings=tuple(replace(o, id=o.id + openings, wall=o.wall + walls) for o in layout.openings),
         objects=tuple(replace(o, id=o.id + objects) for o in layout.objects),
         dimensions=tuple(numbered(d) for d in layout.dimensions),
+        spans=tuple(numbered(d) for d in layout.spans),
     )
 
 

@@ -135,7 +135,7 @@ class FloorObject:
 class Dimension:
     """The distance between two facing walls (ids) of a room (id), from `start` on the first to `end` (2,), m.
 
-    room -1: walls of several rooms, as the plan's dimension chains measure them.
+    room -1: walls of several rooms (`Layout.spans`).
 
     sigma: m, one standard deviation of the distance, from the joint covariance of both walls.
     """
@@ -156,6 +156,9 @@ class Dimension:
 class Layout:
     """Walls, rooms, openings and objects in the map frame (layout.json of FORMAT.md).
 
+    dimensions: of rooms. spans: of walls of several rooms, along the plan's dimension chains: from a corner of the first
+    straight to beside one of the second.
+
     `ceiling_height` is None when no image shows the ceiling; `extrusion_height` is then the default.
     """
 
@@ -167,6 +170,7 @@ class Layout:
     sigma_ceiling: float | None = None
     default_ceiling_height: float = DEFAULT_CEILING_HEIGHT
     dimensions: tuple[Dimension, ...] = ()
+    spans: tuple[Dimension, ...] = ()
 
     @property
     def extrusion_height(self) -> float:

@@ -31,7 +31,7 @@ def built(seed: int) -> tuple[Layout, Layout]:
 def test_distances_across_rooms_know_what_walls_share() -> None:
     layout, truth = built(2003)
     walls = {wall.id: wall for wall in layout.walls}
-    across = [d for d in layout.dimensions if d.room == -1]
+    across = layout.spans
     assert len(across) >= 4
     ratios = []
     for d in across:
@@ -72,7 +72,8 @@ def test_jambs_have_sigmas_of_the_size_of_their_errors() -> None:
 def test_what_is_known_comes_back_from_the_file_and_onto_the_plan() -> None:
     layout, _ = built(2003)
     again = layout_from_json(layout_to_json(layout), "layout.json")
-    assert [d.room for d in again.dimensions] == [d.room for d in layout.dimensions]
+    assert [d.walls for d in again.spans] == [d.walls for d in layout.spans]
+    assert [d.sigma for d in again.spans] == pytest.approx([d.sigma for d in layout.spans], abs=1e-6)
     assert [o.sigma_jambs for o in again.openings] == pytest.approx([o.sigma_jambs for o in layout.openings], abs=1e-6)
     drawn = [e for e in draw_plan(Model("plan", layout, ())).plan if isinstance(e, Drawn) and e.extensions]
     assert sum(e.sigma is not None for e in drawn) > 0.8 * len(drawn)

@@ -56,7 +56,7 @@ def with_dimensions(layout: Layout, owner: Sequence[int], lines: Sequence[PlanLi
     )
     layout = replace(layout, dimensions=dimensions, rooms=_with_corners(layout, known, line_of, estimate))
     seen = {wall.id: line_of[wall.id] for wall in known}
-    return replace(layout, dimensions=(*dimensions, *across_rooms(layout, seen, estimate)))
+    return replace(layout, spans=across_rooms(layout, seen, estimate))
 
 
 def _facing(room: Room, walls: list[Wall], line_of: dict[int, PlanLine]) -> list[_Pair]:

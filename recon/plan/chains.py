@@ -84,7 +84,7 @@ def draw_chains(
 ) -> Iterator[Dimension]:
     """The dimensions of one side; low: m, where the building ends on it, in the side's own frame."""
     mm = scale / 1000
-    joint = {frozenset(d.walls): d for d in layout.dimensions}
+    joint = {frozenset(d.walls): d for d in (*layout.dimensions, *layout.spans)}
     drawn = []
     for number, row in enumerate(chains.rows):
         y = low - (FIRST + STEP * number) * mm

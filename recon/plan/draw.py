@@ -67,6 +67,7 @@ def turned(layout: Layout, angle: float) -> Layout:
             replace(o, footprint=o.footprint @ turn, legs=tuple(leg @ turn for leg in o.legs)) for o in layout.objects
         ),
         dimensions=tuple(replace(d, start=d.start @ turn, end=d.end @ turn) for d in layout.dimensions),
+        spans=tuple(replace(d, start=d.start @ turn, end=d.end @ turn) for d in layout.spans),
     )
 
 

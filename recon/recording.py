@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,6 +47,8 @@ LINE, POINT = 0.02, 0.02
 EYE = np.array([-0.3, -0.45, 0.85])
 """From the middle of the building to the eye, in diagonals of it."""
 BACKGROUND = (30, 32, 36)
+FOOTER, END = b"RRF2FOOT", 64
+"""What a whole recording has in its last bytes."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +73,20 @@ def save_recording(folder: Path, sequence: Sequence | None, path: Path) -> None:
     result = _read(folder)
     try:
         with atomic_path(path) as temporary:
-            recording = stream.binary_stream()  # Rerun's own writer says nothing when the disk is full
-            stream.send_blueprint(_blueprint(result, sequence))
+            stream.save(temporary, default_blueprint=_blueprint(result, sequence))
             _record(stream, result, sequence)
-            temporary.write_bytes(recording.read() or b"")
+            stream.disconnect()
+            _check_whole(temporary)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _check_whole(path: Path) -> None:
+    """Raises OSError for a recording without its end: Rerun's writer says nothing when the disk is full."""
+    with path.open("rb") as file:
+        file.seek(-min(END, path.stat().st_size), os.SEEK_END)
+        if FOOTER not in file.read():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def show_recording(folder: Path, sequence: Sequence | None) -> None:

@@ -103,6 +103,22 @@ def test_images_lose_their_distortion(small: Small) -> None:
         assert bright == pytest.approx(camera.rectified().project([spot])[0], abs=1.2)
 
 
+def test_a_full_disk_is_said_and_no_part_is_left(small: Small, tmp_path: Path, run_recon: Any) -> None:
+    """A limit on the size of files stands in for the disk."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    resource = pytest.importorskip("resource", reason="no limits on this system")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
+    try:
+        done = run_recon("view", small.folder, "-o", tmp_path / "run.rrd")
+        page = run_recon("report", small.folder, "-o", tmp_path / "report.html")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert done.status == page.status == 2
+    assert "run.rrd: cannot be written" in done.errors[-1] and "report.html: cannot be written" in page.errors[-1]
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_other_suffixes_are_refused(small: Small, tmp_path: Path, run_recon: Any) -> None:
     done = run_recon("view", small.folder, "-o", tmp_path / "run.mp4")
     assert done.status == 2 and "expected .rrd" in done.errors[-1]

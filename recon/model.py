@@ -156,8 +156,8 @@ class Dimension:
 class Layout:
     """Walls, rooms, openings and objects in the map frame (layout.json of FORMAT.md).
 
-    dimensions: of rooms. spans: of walls of several rooms, along the plan's dimension chains: from a corner of the first
-    straight to beside one of the second.
+    dimensions: of rooms. spans: of walls of several rooms, along the plan's dimension chains, from a corner of the
+    first straight to beside one of the second.
 
     `ceiling_height` is None when no image shows the ceiling; `extrusion_height` is then the default.
     """

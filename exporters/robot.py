@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from recon.exporters.collision import convex_bodies
+from recon.exporters.collision import CollisionShape, collision_shapes, free_depths
 from recon.exporters.obj import obj_output
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
@@ -17,17 +18,22 @@ from recon.model import Model
 def write_sdf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """A world with the building as one static model and light from above; meshes in `<stem>.meshes`.
 
-    What is seen are the faces; what collides are bodies 5 cm thick behind each, which thin robots cannot slip through.
+    What is seen are the faces; what collides are convex shapes, at most 5 cm thick, behind each: simulators take any
+    mesh that is to be run into for its convex hull.
     """
     folder, meshes = _meshes(model, stem, options)
-    shapes = "".join(
-        f"""
-        <{tag} name="{tag}">
-          <geometry><mesh><uri>{escape(f"{folder}/{file}")}</uri></mesh></geometry>
-        </{tag}>"""
-        for tag, file in (("visual", "visual.obj"), ("collision", "collision.stl"))
-        if model.faces
-    )
+    shapes = f"""
+        <visual name="visual">
+          <geometry><mesh><uri>{escape(f"{folder}/visual.obj")}</uri></mesh></geometry>
+        </visual>""" * bool(model.faces)
+    for shape in _collisions(model):
+        size = f"<box><size>{_row(shape.size)}</size></box>"
+        mesh = f"<mesh><uri>{escape(f'{folder}/{shape.name}.stl')}</uri></mesh>"
+        shapes += f"""
+        <collision name="{shape.name}">
+          <pose>{_row([*shape.middle, *shape.angles])}</pose>
+          <geometry>{size if shape.is_box else mesh}</geometry>
+        </collision>"""
     text = f"""<?xml version="1.0"?>
 <sdf version="1.9">
   <world name={quoteattr(stem)}>
@@ -57,13 +63,23 @@ def write_sdf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
 def write_urdf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """The building as one link without a joint; meshes as `write_sdf`."""
     folder, meshes = _meshes(model, stem, options)
-    shapes = "".join(
-        f"\n    <{tag}><geometry><mesh filename={quoteattr(f'{folder}/{file}')}/></geometry></{tag}>"
-        for tag, file in (("visual", "visual.obj"), ("collision", "collision.stl"))
-        if model.faces
-    )
+    seen = f"{folder}/visual.obj"
+    shapes = f"\n    <visual><geometry><mesh filename={quoteattr(seen)}/></geometry></visual>" * bool(model.faces)
+    for shape in _collisions(model):
+        box = f'<box size="{_row(shape.size)}"/>'
+        mesh = f"<mesh filename={quoteattr(f'{folder}/{shape.name}.stl')}/>"
+        shapes += f"""
+    <collision name="{shape.name}">
+      <origin xyz="{_row(shape.middle)}" rpy="{_row(shape.angles)}"/>
+      <geometry>{box if shape.is_box else mesh}</geometry>
+    </collision>"""
     link = f'  <link name="building">{shapes}\n  </link>\n'
     return Output(f'<?xml version="1.0"?>\n<robot name={quoteattr(stem)}>\n{link}</robot>\n'.encode(), meshes)
+
+
+def _collisions(model: Model) -> list[CollisionShape]:
+    depths = free_depths(model.faces)
+    return [shape for face, depth in zip(model.faces, depths, strict=True) for shape in collision_shapes(face, depth)]
 
 
 def _meshes(model: Model, stem: str, options: ExportOptions) -> tuple[str, dict[str, bytes]]:
@@ -72,6 +88,12 @@ def _meshes(model: Model, stem: str, options: ExportOptions) -> tuple[str, dict[
     if not model.faces:
         return folder, {}
     visual = obj_output(model, "visual", options, z_up=True)
-    bodies = [vertices[triangles] for face in model.faces for vertices, triangles in convex_bodies(face)]
-    files = {"visual.obj": visual.content, "collision.stl": stl_of(np.concatenate(bodies))} | visual.beside
+    files = {"visual.obj": visual.content} | visual.beside
+    for shape in _collisions(model):
+        if not shape.is_box:
+            files[f"{shape.name}.stl"] = stl_of(shape.corners)
     return folder, {f"{folder}/{name}": content for name, content in files.items()}
+
+
+def _row(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.9g}" for value in np.asarray(values, dtype=np.float64).round(9) + 0.0)

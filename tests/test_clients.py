@@ -141,3 +141,32 @@ def test_assimp_reads_every_mesh_format(tmp_path: Path) -> None:
     (tmp_path / "house.glb").write_bytes(b"glTF")
     with pytest.raises(Broken):
         programs.assimp(tmp_path / "house.glb")
+
+
+@pytest.mark.parametrize(("suffix", "simulator"), [(".urdf", "MuJoCo"), (".urdf", "Bullet"), (".sdf", "Bullet")])
+def test_robots_run_into_what_one_sees(suffix: str, simulator: str, tmp_path: Path) -> None:
+    module = {"MuJoCo": "mujoco", "Bullet": "pybullet"}[simulator]
+    pytest.importorskip(module, reason=f"{module} is not installed")
+    path = tmp_path / f"house{suffix}"
+    export(open_house(), path)
+    (finding,) = [f for f in check_file(path) if f.client == simulator]
+    assert finding.state == "ok", finding.text
+    assert (suffix == ".urdf") == ("a ball rests" in finding.text)
+    # Walls that are not where one sees them are found out.
+    text = path.read_text()
+    path.write_text(text.replace('<origin xyz="', '<origin xyz="1').replace("<pose>", "<pose>1"))
+    (finding,) = [f for f in check_file(path) if f.client == simulator]
+    assert finding.state == "broken"
+
+
+def test_nvidia_passes_both_profiles_and_finds_faults(tmp_path: Path) -> None:
+    pytest.importorskip("omni.asset_validator", reason="omniverse-asset-validator is not installed")
+    for profile, name in (("simready", "house.usda"), ("arkit", "house.usdz")):
+        options = ExportOptions(usd_profile=profile)  # type: ignore[arg-type]
+        export(open_house(), tmp_path / name, options)
+        (finding,) = [f for f in check_file(tmp_path / name) if f.client == "NVIDIA"]
+        assert finding.state == "ok", finding.text
+    text = (tmp_path / "house.usda").read_text()
+    (tmp_path / "house.usda").write_text(text.replace('defaultPrim = "building"', ""))
+    (finding,) = [f for f in check_file(tmp_path / "house.usda") if f.client == "NVIDIA"]
+    assert finding.state == "broken"

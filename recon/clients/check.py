@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from recon.clients import documents, libraries, programs
+from recon.clients import documents, libraries, programs, simulators
 from recon.clients.finding import Broken, Finding, Missing
 from recon.errors import InputError
 from recon.exporters import suffix_of
@@ -15,8 +15,8 @@ Client = Callable[[Path], str]
 
 _MESH: dict[str, Client] = {"trimesh": libraries.trimesh, "assimp": programs.assimp, "Blender": programs.blender}
 _GLTF: dict[str, Client] = {"Khronos": programs.khronos, **_MESH, "Godot": programs.godot}
-_USD: dict[str, Client] = {"OpenUSD": libraries.openusd, "Blender": programs.blender}
-_ROBOT: dict[str, Client] = {"its meshes": documents.robot_meshes}
+_USD: dict[str, Client] = {"OpenUSD": libraries.openusd, "NVIDIA": libraries.nvidia, "Blender": programs.blender}
+_ROBOT: dict[str, Client] = {"its meshes": documents.robot_meshes, "Bullet": simulators.bullet}
 CLIENTS: dict[str, dict[str, Client]] = {
     ".glb": _GLTF,
     ".gltf": _GLTF,
@@ -29,7 +29,7 @@ CLIENTS: dict[str, dict[str, Client]] = {
     ".usdc": _USD,
     ".usdz": _USD,
     ".sdf": _ROBOT,
-    ".urdf": _ROBOT,
+    ".urdf": {**_ROBOT, "MuJoCo": simulators.mujoco},
     ".dxf": {"ezdxf": libraries.ezdxf},
     ".ifc": {"IfcOpenShell": libraries.ifcopenshell},
     ".svg": {"XML": documents.xml},

@@ -61,13 +61,11 @@ def robot_meshes(path: Path) -> str:
         raise Broken(f"its root is {root.tag!r}, expected {expected!r}")
     names = [uri.text or "" for uri in root.iter("uri")] + [mesh.get("filename", "") for mesh in root.iter("mesh")]
     found = [name for name in dict.fromkeys(names) if name]
-    said = []
     for name in found:
-        mesh = path.parent / name
-        if not mesh.is_file():
+        if not (path.parent / name).is_file():
             raise Broken(f"{name} is missing")
-        said.append(f"{name}: {libraries.trimesh(mesh)}")
-    return "; ".join(said) if said else "names no mesh"
+    said = [libraries.trimesh(path.parent / name) for name in found]
+    return f"{len(found)} meshes, the first has {said[0]}" if said else "names no mesh"
 
 
 def _tree(path: Path) -> ElementTree.Element:

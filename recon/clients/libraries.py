@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import logging
 from pathlib import Path
 
 from recon.clients.finding import Broken, Missing
@@ -52,6 +53,23 @@ def openusd(path: Path) -> str:
     return f"{len(validators)} validators pass, {prims} prims"
 
 
+def nvidia(path: Path) -> str:
+    """NVIDIA's asset validator, all of its rules."""
+    _need("omni.asset_validator" if importlib.util.find_spec("omni") else "omni", "omniverse-asset-validator")
+    from omni.asset_validator import IssueSeverity, ValidationEngine
+
+    log = logging.getLogger("omni")
+    level, log.level = log.level, logging.ERROR
+    try:
+        issues = list(ValidationEngine().validate(str(path)).issues())
+    finally:
+        log.level = level
+    bad = [issue for issue in issues if issue.severity in (IssueSeverity.ERROR, IssueSeverity.FAILURE)]
+    if bad:
+        raise Broken(f"{len(bad)} complaints, the first {bad[0].message}"[:LONGEST])
+    return f"no error, {len(issues)} warnings"
+
+
 def ezdxf(path: Path) -> str:
     """An audit of a DXF drawing."""
     _need("ezdxf")
@@ -84,6 +102,6 @@ def ifcopenshell(path: Path) -> str:
     return f"{content.schema}, {len(content.by_type('IfcProduct'))} products, no fault"
 
 
-def _need(name: str) -> None:
+def _need(name: str, distribution: str | None = None) -> None:
     if importlib.util.find_spec(name) is None:
-        raise Missing(f"the Python library {name} is not installed")
+        raise Missing(f"the Python library {distribution or name} is not installed")

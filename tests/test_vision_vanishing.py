@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,10 +20,9 @@ from vision_scene import (
 from recon.config import VisionConfig
 from recon.geometry import Array
 from recon.sequence.camera import Camera
-from recon.vision.frame import OUTLIER, VERTICAL, FrameLines
+from recon.vision.frame import OUTLIER, VERTICAL
 from recon.vision.frame_lines import boundary_candidates, detect_lines, horizon, relabel
 from recon.vision.jlinkage import j_linkage
-from recon.vision.overlay import draw_lines
 from recon.vision.planes import planes_of
 from recon.vision.vanishing import assign, find_directions
 from recon.vision.vertical import average_vertical, vertical_direction
@@ -232,20 +229,3 @@ def test_horizon_holds_the_level_directions(tilt: float, roll: float, bearing: f
     assert line @ pixel == pytest.approx(0, abs=1e-6)
     assert line @ under > 0
     assert np.hypot(line[0], line[1]) == pytest.approx(1)
-
-
-def test_overlay_paints_each_line_in_its_colour() -> None:
-    lines = np.array(
-        [[[50, 50], [50, 200]], [[100, 300], [300, 300]], [[100, 400], [300, 400]], [[400, 20], [600, 20.0]]]
-    )
-    labels = np.array([0, 1, 2, -1])
-    down = np.array([0.0, 1, 0])
-    make = partial(FrameLines, lines, np.full(4, 0.3), labels)
-    frame = make(np.stack([down, [0, 0, 1], [1, 0, 0.0]]), np.array([1]))
-    image = draw_lines(np.zeros((480, 640), np.uint8), frame, CAMERA)
-    assert image[120, 50].min() > 220
-    assert image[300, 200, 0] > image[300, 200, 2]  # blue
-    assert image[400, 200, 2] > image[400, 200, 0]  # red
-    assert image[20, 500, 0] == image[20, 500, 1] == image[20, 500, 2] > 0
-    assert image[302, 200, 1] > 150 and image[402, 200].sum() == 0  # only the candidate has a yellow ground
-    assert image[235, 200, 0] == image[235, 200, 2] > 200 and image[235, 200, 1] == 0

@@ -60,9 +60,10 @@ def render(
     inside[: canvas.height, : canvas.width] = canvas.inside()
     alpha *= inside
     fill_unseen(picture, alpha, inside, abs(float(canvas.plane.normal[2])) < UPRIGHT)
+    picture = np.ascontiguousarray(picture[: canvas.height, : canvas.width])
     sources = np.repeat(np.repeat(choice, BLOCK, axis=0), BLOCK, axis=1)[: canvas.height, : canvas.width]
     sources[alpha[: canvas.height, : canvas.width] < 128] = -1
-    return np.ascontiguousarray(picture[: canvas.height, : canvas.width]), sources
+    return picture, sources
 
 
 def _tiles(rows: int, columns: int) -> Iterator[tuple[Range, Range]]:
@@ -142,6 +143,17 @@ def _to_uint8(values: Grid | Array) -> Image:
     return np.clip(np.round(values), 0, 255).astype(np.uint8)
 
 
+def _block_means(picture: Image, alpha: Image) -> tuple[Grid, Grid, Grid]:
+    """Of blocks: their mean alpha, 0 to 1, the share seen, both (r, c), and the colour (r, c, 3) of that."""
+    size = picture.shape[1] // BLOCK, picture.shape[0] // BLOCK
+    seen = (alpha >= 128).astype(np.uint8)
+    known = cv2.bitwise_and(picture, picture, mask=seen)
+    weight, share = (cv2.resize(a, size, interpolation=cv2.INTER_AREA) for a in (alpha, seen.astype(np.float32)))
+    mean = cv2.resize(known, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    mean /= np.maximum(share, 1e-3)[..., None]
+    return weight.astype(np.float32) / 255, np.asarray(share), mean
+
+
 def fill_unseen(picture: Image, alpha: Image, inside: NDArray[np.bool_], upright: bool) -> None:
     """Gives the unseen texels of a picture (H, W, 3), whole blocks, in place, what goes on from those around them.
 
@@ -151,11 +163,9 @@ def fill_unseen(picture: Image, alpha: Image, inside: NDArray[np.bool_], upright
     if not (alpha < 255).any() or not alpha.any():
         return
     rows, columns = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
-    weight = cv2.resize(alpha, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
-    known = cv2.bitwise_and(picture, picture, mask=(alpha >= 128).astype(np.uint8))
-    share = cv2.resize((alpha >= 128).astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
-    mean = cv2.resize(known, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float32)
-    mean /= np.maximum(share, 1e-3)[..., None]
+    strips = [_texels((top, min(top + TILE, rows))) for top in range(0, rows, TILE)]  # a few at a time: memory
+    parts = [_block_means(picture[strip], alpha[strip]) for strip in strips]
+    weight, share, mean = (np.concatenate(values) for values in zip(*parts, strict=True))
     repeating = pattern(picture, alpha, inside, (mean, share), upright)
     plain = mean if repeating is None else mean - repeating.blocks(rows, columns)
     smooth = fill_smoothly(plain, np.where(share > 0.1, weight, 0))

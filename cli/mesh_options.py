@@ -15,7 +15,9 @@ OPTIONS: dict[str, Any] = {
     "texture_format": click.option(
         "--texture-format", type=click.Choice(["jpg", "png", "webp"]), help="Of pictures (default jpg)."
     ),
-    "max_triangles": click.option("--max-triangles", type=click.IntRange(1), help="Most triangles of a PLY."),
+    "max_triangles": click.option(
+        "--max-triangles", type=click.IntRange(1), help="Most triangles; only PLY has a choice."
+    ),
     "lod": click.option(
         "--lod", type=click.IntRange(0, 8), help="Levels of detail: model.lod1.glb ... have smaller pictures."
     ),

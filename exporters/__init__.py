@@ -89,8 +89,13 @@ TEXTURES_BESIDE: frozenset[str] = frozenset({".usd", ".usda", ".usdc", ".gltf", 
 
 
 def suffix_of(path: Path) -> str:
-    """The suffix that chooses the format, lower case: of those known the longest (`.rooms.json` before `.json`)."""
-    known = [suffix for suffix in WRITERS if path.name.lower().endswith(suffix) and len(path.name) > len(suffix)]
+    """The suffix that chooses the format, lower case: of those known the longest (`.rooms.json` before `.json`).
+
+    Files named just `cloud.ply` or `rooms.json` are what `.cloud.ply` and `.rooms.json` are.
+    """
+    name = path.name.lower()
+    known = [suffix for suffix in WRITERS if name.endswith(suffix) and len(name) > len(suffix)]
+    known += [suffix for suffix in WRITERS if suffix == f".{name}" and suffix.count(".") > 1]
     return max(known, key=len, default=path.suffix.lower())
 
 
@@ -134,7 +139,7 @@ def export(model: Model, path: Path, options: ExportOptions = DEFAULTS) -> tuple
         _put(output, path)
         return tuple(f"{path.name}: {note}" for note in output.notes)
     from recon.exporters.detail import with_detail
-    from recon.exporters.enclosure import enclosed
+    from recon.exporters.enclosure import enclosed, too_many_triangles
 
     check_options([path], options)
     model = model if suffix == ".stl" else enclosed(model, options)
@@ -144,7 +149,7 @@ def export(model: Model, path: Path, options: ExportOptions = DEFAULTS) -> tuple
         detailed, said = with_detail(model, options, level, suffix in PICTURE_FORMATS)
         output = writer(detailed, name, options)
         _put(output, path.with_name(name + path.name[len(stem) :]))
-        notes = (*said, *output.notes)
+        notes = (*said, *too_many_triangles(model, suffix, options), *output.notes)
     return tuple(f"{path.name}: {note}" for note in notes)
 
 

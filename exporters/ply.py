@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.exporters.enclosure import fewest
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
 from recon.exporters.shape import face_normal
@@ -35,7 +36,7 @@ def write_ply(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
         step *= 1.3
         vertices, triangles = _mesh(model, step)
     over = most is not None and len(triangles) > most
-    notes = (f"has {len(triangles)} triangles, the fewest that keep the faces' outlines",) if over else ()
+    notes = (fewest(len(triangles)),) if over else ()
     body = vertices.tobytes() + triangles.tobytes()
     return Output(_header(len(vertices), len(triangles)).encode("ascii") + body, notes=notes)
 

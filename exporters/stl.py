@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recon.body import building_body
+from recon.exporters.enclosure import fewest
 from recon.exporters.options import DEFAULTS, ExportOptions, StlUnits
 from recon.exporters.output import Output
 from recon.geometry import Array
@@ -20,7 +21,9 @@ _SCALES = {
 def write_stl(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """The building's body (`recon.body`): watertight, with thickness, to be printed or simulated."""
     vertices, triangles = building_body(model.layout, options.ceiling)
-    return Output(stl_of(vertices[triangles], options.stl_units))
+    most = options.max_triangles
+    notes = (fewest(len(triangles)),) if most is not None and len(triangles) > most else ()
+    return Output(stl_of(vertices[triangles], options.stl_units), notes=notes)
 
 
 def stl_of(corners: Array, units: StlUnits = "m") -> bytes:

@@ -19,8 +19,9 @@ from PIL import Image
 from pxr import Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdValidation
 from two_rooms import HEIGHT
 
+from recon.cloud import PointCloud
 from recon.errors import OutputError
-from recon.exporters import MESHES, check_outputs, export
+from recon.exporters import MESHES, check_outputs, export, suffix_of
 from recon.exporters.collision import convex_bodies
 from recon.exporters.lightmap import light_map
 from recon.exporters.options import ExportOptions
@@ -130,6 +131,22 @@ def test_most_triangles_of_a_ply(most: int, tmp_path: Path) -> None:
     (note,) = export(open_house(), tmp_path / "house.ply", ExportOptions(max_triangles=10))
     count = len(trimesh.load_mesh(tmp_path / "house.ply", process=False).faces)
     assert f"{count} triangles" in note and count == sum(len(f.triangles) for f in open_house().faces)
+
+
+@pytest.mark.parametrize("suffix", sorted(MESHES - {".ply"}))
+def test_meshes_that_are_minimal_say_so(suffix: str, tmp_path: Path) -> None:
+    (note,) = export(open_house(), tmp_path / f"house{suffix}", ExportOptions(max_triangles=50))
+    assert note.startswith(f"house{suffix}: has ") and "fewest" in note and int(note.split()[2]) > 50
+    assert export(open_house(), tmp_path / f"house{suffix}", ExportOptions(max_triangles=500)) == ()
+
+
+def test_a_cloud_by_its_bare_name_is_a_cloud(tmp_path: Path) -> None:
+    known = {"cloud.ply": ".cloud.ply", "a.cloud.ply": ".cloud.ply", "Cloud.PLY": ".cloud.ply", "mycloud.ply": ".ply"}
+    known |= {"rooms.json": ".rooms.json", "layout.json": ".json", ".ply": "", "glb": ""}
+    assert {name: suffix_of(Path(name)) for name in known} == known
+    cloud = PointCloud(np.ones((3, 3), np.float32), np.zeros((3, 3), np.uint8))
+    export(replace(open_house(), cloud=cloud), tmp_path / "cloud.ply")
+    assert len(trimesh.load(tmp_path / "cloud.ply").vertices) == 3
 
 
 def test_stl_in_millimetres(tmp_path: Path) -> None:

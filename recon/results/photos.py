@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FOLDER, LIST = "photos", "photos.json"
 LOOKED_AT = 20
 """Images compared with the model, evenly over the drive."""
-SMALL = 120
+SMALL = 96
 """Pixels, the width at which they are."""
 SHOWN = 2
 """Of the worst."""

@@ -180,6 +180,8 @@ def test_a_foot_that_few_images_show_is_found_below_the_baseboard(edge: float, f
     error = result.platform_from_camera.translation - truth.translation
     assert np.abs(error).max() < 0.02 and abs(error[2]) < 4 * np.sqrt(result.covariance[5, 5])
     assert result.warnings == () or ("baseboards" in result.warnings[0] and len(result.warnings) == 1)
+    if result.warnings:  # the baseboard's edge may be the floor, too
+        assert edge / 3 < np.sqrt(result.covariance[5, 5]) < edge
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -25,6 +25,7 @@ FAINT_PLANE = 0.35  # m below the plane found, at most, to a floor that few line
 FAINT_SHARE, FAINT_CONTRAST = 0.1, 2.0  # of the feet that lines explain there, above that around it, and over it
 FAINT_AROUND = 0.12  # m of height
 FAINT_BAND, FAINT_LEVEL = 0.08, 0.5  # bands with this share of the feet explain that part of what all explain
+DOUBT = 0.5  # of the way down to such a floor, one standard deviation: it may as well be a reflection
 FAINT_SHIFT = 0.02  # m that the camera may seem to stand elsewhere
 SETTLED = 0.9  # share of the images whose feet the lines explain, from which nothing better is looked for around it
 NEAR, NEAR_HEIGHT = 0.48, 0.09  # m to each side, and up and down, of the places looked at around a pose ...
@@ -160,6 +161,9 @@ class PoseSearch:
         if refined is None:
             return found
         covariance = found.refined.covariance + refined.covariance
+        # which of the two planes is the floor is not beyond doubt
+        lowered = refined.platform_from_camera.translation[2] - found.refined.platform_from_camera.translation[2]
+        covariance[5, 5] += (DOUBT * lowered) ** 2
         refined = replace(refined, covariance=covariance, foot_offset=found.refined.foot_offset)
         return Found(found.evidence, refined, faint=True)
 

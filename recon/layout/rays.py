@@ -57,7 +57,7 @@ def count_spells(
     """
     taken = np.zeros((rows, columns), np.int32)
     clear = np.zeros((rows, columns), np.int32)
-    now = np.full((rows, columns), -1, np.int64)
+    now = np.full((rows, columns), -1, np.int32)
     hit = np.zeros((rows, columns), np.bool_)
     passes = np.zeros((rows, columns), np.int32)
     for i in range(len(starts)):

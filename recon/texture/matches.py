@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -43,45 +43,62 @@ class Matcher:
     poses: list[Pose3 | None]
     small: Callable[[int], Image | None]
 
-    def match(self, first: int, second: int) -> Matches | None:
-        """The second image is drawn as the first one should see it, and corners are tracked from one to the other.
+    def match(self, first: int, others: Sequence[int]) -> list[Matches]:
+        """Every other image is drawn as the first one should see it, and corners are tracked from one to the other.
 
-        So matches differ by pose errors only, not by perspective (Lucas-Kanade needs that). None where nothing fits.
+        So matches differ by pose errors only, not by perspective (Lucas-Kanade needs that). Others that cannot be
+        read are left out; none where the first image shows no corner.
         """
-        a, b = self.small(first), self.small(second)
-        pose_a, pose_b = self.poses[first], self.poses[second]
-        if a is None or b is None or pose_a is None or pose_b is None:
-            return None
-        corners = cv2.goodFeaturesToTrack(a, CORNERS, CORNER_QUALITY, CORNER_DISTANCE)
-        if corners is None:
-            return None
+        a, pose = self.small(first), self.poses[first]
+        corners = None if a is None else cv2.goodFeaturesToTrack(a, CORNERS, CORNER_QUALITY, CORNER_DISTANCE)
+        if a is None or pose is None or corners is None:
+            return []
         scale = self.lens.camera.width / a.shape[1]
-        place, face = self._transfer(pose_a, pose_b, a.shape, scale)
-        drawn = cv2.remap(b, (place + 0.5) / scale - 0.5, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        found, ok = _track(a, drawn, corners)
-        start, end = corners.reshape(-1, 2)[ok], found.reshape(-1, 2)[ok]
-        on = _owner(face, start)
-        second_pixels = _read(place, end)
-        keep = (on >= 0) & (on == _owner(face, end)) & np.isfinite(second_pixels).all(axis=1)
-        first_pixels = (start[keep].astype(np.float64) + 0.5) * scale - 0.5
-        return Matches(first, second, first_pixels, second_pixels[keep].astype(np.float64), on[keep])
+        points, face = self._surface(pose, a.shape, scale)
+        found = []
+        for second in others:
+            b, other = self.small(second), self.poses[second]
+            if b is not None and other is not None:
+                place = self._place(points, other, a.shape)
+                start, end, on = _follow(a, b, corners, place, face, scale)
+                found.append(Matches(first, second, start, end, on))
+        return found
 
-    def _transfer(
-        self, pose_a: Pose3, pose_b: Pose3, shape: tuple[int, ...], scale: float
-    ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Pixels (h, w, 2) of raw image b for every pixel of the small image a, nan outside; face (r, c) at nodes."""
+    def _surface(self, pose: Pose3, shape: tuple[int, ...], scale: float) -> tuple[Array, NDArray[np.int64]]:
+        """Points (r, c, 3) that a small image shows at its nodes, and their faces (r, c), -1 for none."""
         rows, columns = -(-shape[0] // NODE) + 1, -(-shape[1] // NODE) + 1
         x, y = np.meshgrid(np.arange(columns) * NODE, np.arange(rows) * NODE)
         pixels = (np.stack([x.ravel(), y.ravel()], axis=1) + 0.5) * scale - 0.5
         rays = np.column_stack([self.lens.camera.undistort(pixels), np.ones(len(pixels))])
-        directions = rays @ pose_a.rotation.T
-        reach, face = self.scene.cast(pose_a.translation, directions)
+        directions = rays @ pose.rotation.T
+        reach, face = self.scene.cast(pose.translation, directions)
         reach = np.where(np.isfinite(reach), reach, 1.0)
-        points = pose_a.translation + directions * reach[:, None]
-        seen = self.lens.project(pose_b.inverse().apply(points)).astype(np.float32).reshape(rows, columns, 2)
+        points = pose.translation + directions * reach[:, None]
+        return points.reshape(rows, columns, 3), face.reshape(rows, columns)
+
+    def _place(self, points: Array, pose: Pose3, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        """Pixels (h, w, 2) of a raw image from `pose` for every pixel of a small image with `points` at its nodes."""
+        seen = self.lens.project(pose.inverse().apply(points.reshape(-1, 3))).astype(np.float32)
         maps = np.stack(np.meshgrid(np.arange(shape[1]), np.arange(shape[0])), axis=2).astype(np.float32) / NODE
-        full = cv2.remap(seen, maps, None, cv2.INTER_LINEAR)
-        return np.asarray(full), face.reshape(rows, columns)
+        return np.asarray(cv2.remap(seen.reshape(*points.shape[:2], 2), maps, None, cv2.INTER_LINEAR))
+
+
+def _follow(
+    a: Image,
+    b: Image,
+    corners: NDArray[np.float32],
+    place: NDArray[np.float32],
+    face: NDArray[np.int64],
+    scale: float,
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Pixels (m, 2), (m, 2) of both raw images and faces (m,) of the corners of small image a that b shows, too."""
+    drawn = cv2.remap(b, (place + 0.5) / scale - 0.5, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    found, ok = _track(a, drawn, corners)
+    start, end = corners.reshape(-1, 2)[ok], found.reshape(-1, 2)[ok]
+    on = _owner(face, start)
+    second = _read(place, end)
+    keep = (on >= 0) & (on == _owner(face, end)) & np.isfinite(second).all(axis=1)
+    return (start[keep].astype(np.float64) + 0.5) * scale - 0.5, second[keep].astype(np.float64), on[keep]
 
 
 def contrast(image: Image, working_width: int = WORKING_WIDTH) -> Image:

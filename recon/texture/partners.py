@@ -13,8 +13,8 @@ GOOD = 0.3
 """Share of the best resolution of a point that is still of use."""
 
 
-def partners(seen: list[csr_array], count: int) -> list[tuple[int, int]]:
-    """Pairs of images worth matching: every one with the `count` earlier ones that see most of the same points well.
+def partners(seen: list[csr_array], count: int) -> list[tuple[int, list[int]]]:
+    """Images and those worth matching them with: at most `count` earlier ones that see most of the same points well.
 
     seen: for every face (images, points), resolution where an image sees a point.
     """
@@ -32,10 +32,11 @@ def partners(seen: list[csr_array], count: int) -> list[tuple[int, int]]:
     if shared is None:
         return []
     earlier = sparse.csr_array(sparse.tril(shared, k=-1))
-    pairs = []
+    out = []
     for i in range(len(earlier.indptr) - 1):
         row = slice(earlier.indptr[i], earlier.indptr[i + 1])
         others, points = earlier.indices[row], earlier.data[row]
         ranked = np.lexsort((-others, -points))[:count]  # the latest first among equals
-        pairs += [(i, int(others[k])) for k in ranked]
-    return pairs
+        if len(ranked):
+            out.append((i, [int(others[k]) for k in ranked]))
+    return out

@@ -14,7 +14,7 @@ from recon.raycast import RayScene
 from recon.sequence.camera import Camera
 from recon.texture.alignment import align
 from recon.texture.cache import ImageCache
-from recon.texture.matches import Matcher, contrast
+from recon.texture.matches import Matcher, Matches, contrast
 from recon.texture.ordered import ordered_map
 from recon.texture.partners import partners
 from recon.texture.survey import Rig, probe, useful_images
@@ -58,11 +58,11 @@ def refine_poses(
         return None if image is None else contrast(image)
 
     matcher = Matcher(rig.lens, rig.scene, rig.poses, ImageCache(small, SMALL_BYTES))
-    pairs = partners(seen, PARTNERS)
-    matches = []
-    with progress.stage("aligning images", total=len(pairs), unit="pairs") as stage:
-        for found in ordered_map(lambda p: matcher.match(images[p[0]], images[p[1]]), pairs, workers):
-            matches += [] if found is None else [found]
+    groups = [(images[k], [images[n] for n in others]) for k, others in partners(seen, PARTNERS)]
+    matches: list[Matches] = []
+    with progress.stage("aligning images", total=len(groups), unit="images") as stage:
+        for found in ordered_map(lambda group: matcher.match(*group), groups, workers):
+            matches += found
             stage.advance()
     known = np.broadcast_to(np.asarray(sigmas, np.float64), (len(map_from_camera), 2))
     moved = align(rig.poses, matches, faces, camera, known)

@@ -70,3 +70,6 @@ def evaluate(
             temporary.write_text(text + "\n", encoding="utf-8")
     if not quiet:
         click.echo(evaluation.table())
+        if folder is not None:
+            shown = "" if pictures is not None else f"; recon report {result} puts the worst, middling and best into it"
+            click.echo(f"Photo, model and difference of every image left out: {folder}{shown}")

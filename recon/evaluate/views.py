@@ -17,14 +17,16 @@ from recon.evaluate.fidelity import fidelity, fit_exposure
 from recon.evaluate.heldout import HeldOut, hold_out
 from recon.evaluate.labels import read_label_image
 from recon.labels import FIRST_WALL, FLOOR
-from recon.model import Face, Model
+from recon.model import Face
 from recon.raycast import RayScene
-from recon.render import render_model
+from recon.render import TexturedScene, render_scene
 
 LEAST_SCORED = 0.05
 """Share of an image's pixels: with fewer of them to compare, an image is not scored."""
+UNLABELLED = "floor and walls by the result's own labels (there are no true ones), where the layout explains the images"
 BESIDE = 2.0
 """Differences are drawn this many times as strong, about grey."""
+BACKGROUND = (255, 255, 255)
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
 
 Mask = NDArray[np.bool_]
@@ -77,6 +79,7 @@ class ViewScores:
             ("views, SSIM", f"{self.mean('ssim'):.3f}"),
             ("views, sharpness ratio", f"{self.mean('sharpness'):.2f}"),
             ("views, coverage", f"{self.mean('coverage'):.1%} of {self.labels}"),
+            ("views, not compared", f"{self.too_little} images show too little of them" if self.too_little else "none"),
         ]
 
 
@@ -93,15 +96,16 @@ def view_scores(sequence: Path, result: Path, folder: Path | None = None) -> Vie
     truth = sequence / "groundtruth" / "labels"
     labels = truth if truth.is_dir() else result / "labels"
     scene = RayScene(held.model.faces)
-    seen = replace(held.model, faces=tuple(map(_seen, held.model.faces)))
+    faces, angle = held.model.faces, 1 / float(held.camera.matrix[0, 0])
+    scenes = TexturedScene(faces, angle), TexturedScene(tuple(map(_seen, faces)), angle)
     found: list[tuple[ViewScore, NDArray[np.uint8]]] = []
     for i in held.held:
         mask = _surfaces(held, i, labels, scene if labels is not truth else None)
-        scored = None if mask is None else _score(held, seen, i, mask)
+        scored = None if mask is None else _score(held, scenes, i, mask)
         found += [] if scored is None else [scored]
     if not found:
         raise InputError(f"{sequence}: no image left out shows floor or walls of {result}, expected at least one")
-    name = "floor and walls" if labels is truth else "floor and walls where the layout explains the images"
+    name = "floor and walls" if labels is truth else UNLABELLED
     scores = ViewScores(tuple(score for score, _ in found), len(held.held) - len(found), name)
     if folder is not None:
         _write(folder, scores, [picture for _, picture in found])
@@ -136,17 +140,22 @@ def _seen(face: Face) -> Face:
     return replace(face, texture=np.repeat(np.where(face.sources < 0, 0, 255).astype(np.uint8)[..., None], 3, axis=2))
 
 
-def _score(held: HeldOut, seen: Model, index: int, mask: Mask) -> tuple[ViewScore, NDArray[np.uint8]] | None:
-    """Numbers and the picture (H, 3 W, 3) BGR of one image; None where too little can be compared."""
+def _score(
+    held: HeldOut, scenes: tuple[TexturedScene, TexturedScene], index: int, mask: Mask
+) -> tuple[ViewScore, NDArray[np.uint8]] | None:
+    """Numbers and the picture (H, 3 W, 3) BGR of one image; None where too little can be compared.
+
+    scenes: the model, and the model white where an image saw it.
+    """
     raw, pose = held.load(index), held.poses[index]
     if raw is None or pose is None:
         return None
-    known = render_model(seen, held.camera, pose, (0, 0, 0))[..., 0] > 127
+    known = render_scene(scenes[1], held.camera, pose, (0, 0, 0))[..., 0] > 127
     use = mask & known
     if use.mean() < LEAST_SCORED:
         return None
     photo = raw[..., ::-1].astype(np.float32)
-    render = fit_exposure(photo, render_model(held.model, held.camera, pose).astype(np.float32), use)
+    render = fit_exposure(photo, render_scene(scenes[0], held.camera, pose, BACKGROUND), use)
     good = fidelity(photo, render, use)
     everywhere = fidelity(photo, render, mask).psnr
     coverage, share = float(use.sum() / mask.sum()), float(use.mean())

@@ -75,6 +75,8 @@ def export(
         for path in outputs:
             building_writer_for(path)
         building = load_building(outputs[0].stem, results, storeys, elevations, places)
+        for note in building.notes:
+            warn(note, quiet)
         for path in outputs:
             export_building(building, path, options)
             if not quiet:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 from recon.exporters.ifc_boundaries import add_boundaries
 from recon.exporters.ifc_file import Entity, IfcFile
-from recon.exporters.ifc_rooms import RoomPart, add_floor, add_objects, add_rooms
+from recon.exporters.ifc_rooms import CEILING, SLAB, THINNEST, RoomPart, add_floor, add_objects, add_rooms
 from recon.exporters.ifc_types import add_types
 from recon.exporters.ifc_walls import Storeyed, WallPart, add_walls
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
 from recon.model import Model
-from recon.storeys import Building, Storey, one_storey
+from recon.storeys import Building, Storey, headroom, one_storey
 
 
 def write_ifc(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
@@ -34,7 +34,11 @@ def write_building_ifc(building: Building, stem: str, options: ExportOptions = D
     house = _place(ifc, "IfcBuilding", "building", building.name or "building", site.ObjectPlacement)
     _aggregate(ifc, "project", project, [site])
     _aggregate(ifc, "site", site, [house])
-    floors = [_storey(ifc, storey, house) for storey in building.storeys]
+    below = (None, *building.storeys[:-1])
+    floors = [
+        _storey(ifc, storey, house, SLAB if under is None else _slab(under, storey))
+        for under, storey in zip(below, building.storeys, strict=True)
+    ]
     _aggregate(ifc, "building", house, [floor.entity for floor in floors])
     walls = [wall for floor in floors for wall in floor.walls]
     add_types(ifc, project, walls, [room.space for floor in floors for room in floor.rooms])
@@ -53,7 +57,13 @@ class _Floor:
     rooms: list[RoomPart]
 
 
-def _storey(ifc: IfcFile, storey: Storey, house: Entity) -> _Floor:
+def _slab(below: Storey, above: Storey) -> float:
+    """Thickness of a floor, m: no more than the ceilings under it leave."""
+    left = headroom(below, above)
+    return SLAB if left is None else min(SLAB, max(round(left - CEILING, 6), THINNEST))
+
+
+def _storey(ifc: IfcFile, storey: Storey, house: Entity, slab: float) -> _Floor:
     place = ifc.placement(house.ObjectPlacement, (0.0, 0.0, storey.elevation))
     entity = ifc.root(
         "IfcBuildingStorey",
@@ -63,7 +73,7 @@ def _storey(ifc: IfcFile, storey: Storey, house: Entity) -> _Floor:
         CompositionType="ELEMENT",
         Elevation=float(storey.elevation),
     )
-    at, layout = Storeyed(ifc, entity, storey.name), storey.model.layout
+    at, layout = Storeyed(ifc, entity, storey.name, slab), storey.model.layout
     walls = add_walls(at, layout)
     rooms = add_rooms(at, layout)
     slabs = add_floor(at, rooms, walls)

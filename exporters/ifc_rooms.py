@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 SLAB, CEILING = 0.2, 0.02
-"""m, assumed thicknesses of the floor and of what hangs below the storey above."""
+"""m, assumed thicknesses of the floor, where ceilings below leave room for it, and of what hangs below the next."""
+THINNEST = 0.02
+"""m, of floors where they leave none."""
 TABLE = 0.75
 """m, assumed height of furniture where no image shows it."""
 SMALLEST = 1e-4
@@ -127,16 +129,16 @@ def add_floor(at: Storeyed, rooms: Sequence[RoomPart], walls: Sequence[WallPart]
             key,
             f"floor_{n:03d}",
             ObjectPlacement=ifc.placement(at.storey.ObjectPlacement),
-            Representation=ifc.shape([ifc.extrusion(shapely.orient_polygons(part), -SLAB, SLAB)], "floor"),
+            Representation=ifc.shape([ifc.extrusion(shapely.orient_polygons(part), -at.slab, at.slab)], "floor"),
             PredefinedType="FLOOR",
         )
         ifc.properties(key, [slab], "Recon_Measurement", {"ThicknessSource": ("IfcLabel", "assumed")})
         sizes = {
-            "Width": ("Length", SLAB),
+            "Width": ("Length", at.slab),
             "Perimeter": ("Length", float(part.length)),
             "GrossArea": ("Area", float(part.area)),
             "NetArea": ("Area", float(part.area)),
-            "GrossVolume": ("Volume", float(part.area) * SLAB),
+            "GrossVolume": ("Volume", float(part.area) * at.slab),
         }
         ifc.quantities(key, slab, "Qto_SlabBaseQuantities", sizes)
         slabs.append(Slab(part, slab))

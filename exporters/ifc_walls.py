@@ -27,11 +27,15 @@ NARROWEST = 0.05
 
 @dataclass(frozen=True)
 class Storeyed:
-    """Where things go: the file, the IfcBuildingStorey, and the text that tells its ids from other storeys'."""
+    """Where things go: the file, the IfcBuildingStorey, and the text that tells its ids from other storeys'.
+
+    slab: m, thickness of its floor.
+    """
 
     ifc: IfcFile
     storey: Entity
     key: str
+    slab: float
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from urllib.parse import unquote
 import ifcopenshell
 import ifcopenshell.util.element
 import ifcopenshell.util.placement
+import ifcopenshell.validate
 import numpy as np
 import pytest
 import trimesh
@@ -85,7 +86,40 @@ def test_storeys_that_contradict_are_refused() -> None:
         stack("house", [Storey("A", 0.0, model), Storey("A", 3.0, model)])
     with pytest.raises(InputError, match=r"'A' and 'B'"):
         stack("house", [Storey("A", 0.0, model), Storey("B", 0.0, model)])
+    for wrong, said in ((Storey("A", float("nan"), model), "nan m"), (Storey(" ", 1.0, model), "has no name")):
+        with pytest.raises(InputError, match=said):
+            stack("house", [wrong])
     assert one_storey(model).storeys[0].elevation == 0.0
+
+
+@pytest.mark.parametrize(("elevation", "slab"), [(2.6, 0.08), (3.2, 0.2), (2.51, 0.02)])
+def test_floors_are_as_thick_as_the_ceilings_below_leave(elevation: float, slab: float, tmp_path: Path) -> None:
+    house = stack("house", [Storey("Ground", 0.0, two_rooms()), Storey("First", elevation, two_rooms())])
+    assert house.notes == ()
+    export_building(house, tmp_path / "a.ifc")
+    file = ifcopenshell.open(str(tmp_path / "a.ifc"))
+    log = ifcopenshell.validate.json_logger()
+    ifcopenshell.validate.validate(str(tmp_path / "a.ifc"), log, express_rules=elevation == 2.6)
+    assert [str(statement) for statement in log.statements] == []
+    bodies: dict[tuple[str, str], list[Any]] = {}
+    for thing in (*file.by_type("IfcSlab"), *file.by_type("IfcCovering")):
+        floor = ifcopenshell.util.element.get_container(thing)
+        solid = next(r for r in thing.Representation.Representations if r.RepresentationIdentifier == "Body").Items[0]
+        bottom = floor.Elevation + solid.Position.Location.Coordinates[2]
+        bodies.setdefault((floor.Name, thing.is_a()), []).append((bottom, bottom + solid.Depth))
+    assert bodies["Ground", "IfcSlab"] == [pytest.approx((-0.2, 0.0))]
+    assert bodies["First", "IfcSlab"] == [pytest.approx((elevation - slab, elevation))]
+    if elevation >= HEIGHT + 0.04:
+        assert bodies["First", "IfcSlab"][0][0] >= max(top for _, top in bodies["Ground", "IfcCovering"]) - 1e-6
+
+
+def test_floors_below_ceilings_are_noted_where_rooms_lie_over_rooms() -> None:
+    low = stack("house", [Storey("Ground", 0.0, two_rooms()), Storey("First", 1.0, two_rooms())])
+    (note,) = low.notes
+    assert "1.00 m" in note
+    assert "2.50 m" in note
+    beside = stack("house", [Storey("Ground", 0.0, two_rooms()), Storey("Half", 1.0, moved(two_rooms(), (50, 0, 0)))])
+    assert beside.notes == ()
 
 
 @settings(max_examples=25, deadline=None)
@@ -154,6 +188,8 @@ def test_command_line_puts_results_into_one_building(
         ((), "--storey"),
         (named[:6], "--elevation"),
         ((*named, "--place", 0, 0, 0), "--place"),
+        ((*named[:6], "--elevation", "nan"), "nan"),
+        ((*named[:4], "--storey", " ", "--elevation", 3), "--storey"),
     ):
         refused = run_recon("export", *results, *wrong, "-o", tmp_path / "no.ifc")
         assert refused.status == 2

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from recon.corners import polygons_of
 from recon.geometry import Array
-from recon.holes import holes_of, room_height
+from recon.holes import DECIMALS, holes_of, room_height
 from recon.model import Layout
 from recon.niches import THICKEST, Niche, niches
 from recon.polygons import areas
@@ -60,7 +60,15 @@ def building_body(layout: Layout, ceiling: bool = True) -> tuple[Array, NDArray[
     ]
     air += [part for niche in openings for part in _cut(niche, solids, tree)]
     mesh = (_union(filled) - _union(air)).simplify(PRECISION).to_mesh64()
-    return np.array(mesh.vert_properties[:, :3]).reshape(-1, 3), np.array(mesh.tri_verts, np.int64).reshape(-1, 3)
+    return _welded(np.array(mesh.vert_properties).reshape(-1, 3), np.array(mesh.tri_verts, np.int64).reshape(-1, 3))
+
+
+def _welded(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    """The mesh with one vertex for those that are as good as one, and without the triangles that this flattens."""
+    points, index = np.unique(vertices.round(DECIMALS) + 0.0, axis=0, return_inverse=True)
+    triangles = index.reshape(-1)[triangles]
+    a, b, c = triangles.T
+    return points, triangles[(a != b) & (b != c) & (c != a)]
 
 
 def _standing(solids: tuple[WallSolid, ...]) -> list[Any]:

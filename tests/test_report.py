@@ -245,7 +245,10 @@ def browse(tmp_path: Path) -> Callable[..., str]:
     return run
 
 
-MEASURE = "<script>document.title = document.documentElement.scrollWidth + ' of ' + window.innerWidth</script>"
+MEASURE = """<script>
+const sketch = getComputedStyle(document.querySelector(".sketch")).display, sheet = document.querySelector(".scroll");
+document.title = `${document.documentElement.scrollWidth} of ${window.innerWidth}, ${sketch}, ${sheet.scrollLeft}`;
+</script>"""
 
 
 @pytest.mark.parametrize(("width", "more"), [(1100, ""), (500, "--force-dark-mode")])
@@ -255,8 +258,10 @@ def test_a_browser_shows_it_on_wide_and_narrow_screens(
     page = tmp_path / "report.html"
     page.write_text(read(small.folder).replace("</body>", MEASURE + "</body>"), encoding="utf-8")
     seen = browse(page, tmp_path / "page.png", (width, 1600), *filter(None, [more]))
-    needed, there = (int(n) for n in re.search(r"<title>(\d+) of (\d+)</title>", seen).groups())  # type: ignore[union-attr]
+    needed, there = (int(n) for n in re.search(r"<title>(\d+) of (\d+), ", seen).groups())  # type: ignore[union-attr]
     assert there == width and needed <= there
+    sketched, left = re.search(r"<title>.*, (\w+), (\d+)", seen).groups()  # type: ignore[union-attr]
+    assert (sketched == "block") == (int(left) > 0) == (width < 700)  # where the sheet is too wide there is a sketch
     picture = cv2.imread(str(tmp_path / "page.png"), cv2.IMREAD_GRAYSCALE)
     assert picture is not None
     margin = float(np.median(picture[:, 2]))

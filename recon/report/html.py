@@ -32,10 +32,13 @@ figure { margin: 0; } .wide { margin-bottom: 0.75rem; } .scroll { overflow: auto
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 td, th { border-bottom: 1px solid var(--line); padding: 0.2rem 0.8rem 0.2rem 0; text-align: right; }
 td:first-child, th:first-child { text-align: left; }
-.full { display: block; color: var(--soft); font-size: 0.9rem; padding: 0.2rem 0; }
+.full, .part { display: block; color: var(--soft); font-size: 0.9rem; margin: 0; padding: 0.2rem 0; }
+.part { display: none; }
 .sheet:has(input:checked) svg { max-width: none; }
 .sketch { display: none; width: 100%; color: #1c1e21; font-family: system-ui, sans-serif; }
-.sketch .walls { fill: #2b3038; fill-rule: evenodd; } .sketch .unseen { fill: #a9b0b8; fill-rule: evenodd; }
+.sketch path { fill-rule: evenodd; vector-effect: non-scaling-stroke; stroke-width: 0.8; }
+.sketch .floor { fill: #eef1f5; stroke: none; } .sketch .walls { fill: #2b3038; stroke: #2b3038; }
+.sketch .unseen { fill: #a9b0b8; stroke: #a9b0b8; }
 .sketch text { text-anchor: middle; } .sketch .name { font-weight: 600; }
 .map, .map + .key { width: 100%; } .map { max-height: 90vh; }
 .map path { fill: none; vector-effect: non-scaling-stroke; } .map .wall { stroke-width: 2.5; }
@@ -54,15 +57,23 @@ td:first-child, th:first-child { text-align: left; }
 .chart .level { stroke: var(--soft); stroke-dasharray: 4 3; } .field { display: flex; gap: 0.4rem; }
 .up { display: flex; flex-direction: column; justify-content: space-between; text-align: right; min-width: 2.6rem; }
 .along { display: flex; justify-content: space-between; padding-left: 3rem; }
-@media (max-width: 45rem) { .sketch { display: block; } .sheet svg { max-width: none; } .full { display: none; }
+@media (max-width: 45rem) { .sketch { display: block; } .part { display: block; }
+  .sheet svg { max-width: none; } .full { display: none; }
   .scroll { max-height: 70vh; } }
-@media print { details, h2:has(+ details), .full { display: none; }
+@media print { details, h2:has(+ details), .full, .part { display: none; }
   .views, .charts { grid-template-columns: repeat(3, 1fr); gap: 0.5rem; }
   .scroll { max-height: none; overflow: visible; }
   .sketch { display: none; } .sheet svg { max-width: 100%; } figure, tr { break-inside: avoid; }
   h2 { break-after: avoid; } .key i { print-color-adjust: exact; } body { max-width: none; padding: 0; } }
 """
 """Light and dark as the reader's system has it; narrow screens without scrolling sideways but for tables."""
+SCRIPT = """
+const middle = () => document.querySelectorAll(".sheet .scroll").forEach(s => s.scrollTo(
+  (s.scrollWidth - s.clientWidth) / 2, (s.scrollHeight - s.clientHeight) / 2));
+document.querySelectorAll(".full input").forEach(box => box.addEventListener("change", middle));
+middle();
+"""
+"""A sheet that is larger than its place shows its middle first."""
 
 
 def page(title: str, parts: Sequence[str]) -> str:
@@ -72,7 +83,7 @@ def page(title: str, parts: Sequence[str]) -> str:
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(title)} - recon</title><style>{STYLE}</style></head>\n"
-        f"<body>\n<h1>{escape(title)}</h1>\n{body}\n</body></html>\n"
+        f"<body>\n<h1>{escape(title)}</h1>\n{body}\n<script>{SCRIPT}</script>\n</body></html>\n"
     )
 
 

@@ -62,4 +62,5 @@ def _plan(model: Model) -> str:
     text = write_svg(model, "plan").content.decode("utf-8")
     sheet = text[text.index("<svg") :]
     full = '<label class="full"><input type="checkbox"> as large as on paper</label>'
-    return f'{sketch(model.layout)}<div class="sheet">{full}<div class="scroll" tabindex="0">{sheet}</div></div>'
+    part = '<p class="part">The sheet to scale, a part of it: slide it to see the rest.</p>'
+    return f'{sketch(model.layout)}<div class="sheet">{full}{part}<div class="scroll" tabindex="0">{sheet}</div></div>'

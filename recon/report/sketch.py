@@ -9,7 +9,7 @@ import numpy as np
 
 from recon.geometry import Array, rotation2
 from recon.model import Layout, Room
-from recon.plan import dominant_angle, label_spot, unseen_bodies, wall_bodies
+from recon.plan import dominant_angle, label_spot, room_area, unseen_bodies, wall_bodies
 from recon.report.svg import Frame
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def sketch(layout: Layout) -> str:
     frame = Frame.around(points, WIDTH, turn=turn)
     bodies, unseen = wall_bodies(layout), unseen_bodies(layout)
     parts = [
+        f'<path class="floor" d="{frame.area(room_area(layout))}"/>',
         f'<path class="unseen" d="{frame.area(bodies.intersection(unseen))}"/>',
         f'<path class="walls" d="{frame.area(bodies.difference(unseen))}"/>',
         *(_name(room, frame) for room in layout.rooms),

@@ -24,6 +24,8 @@ CORRECTION, TINT = 0.7, 0.1
 REACH, HOLD = 3.0, 0.03
 """Blocks: standard deviation of the smoothing of corrections; weight of no correction, where little is trusted."""
 
+PART = 1 << 15
+"""Blocks looked at together: for memory."""
 
 Slots = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Blocks of a view, and its slot in each."""
@@ -44,9 +46,21 @@ class Consensus:
 
 def agree(candidates: Candidates, exposure: Exposure) -> Consensus:
     """The median colour of each block's views, channel by channel, exposure compensated."""
-    known = candidates.view >= 0
-    gains = exposure.gains.astype(np.float32)[np.maximum(candidates.view, 0)]
-    colours = candidates.colour * gains * _lit(exposure, candidates.radius)
+    starts = range(0, max(len(candidates.view), 1), PART)
+    parts = [_agree(candidates, slice(start, start + PART), exposure) for start in starts]
+    return Consensus(
+        np.concatenate([part.colour for part in parts]),
+        np.concatenate([part.count for part in parts]),
+        np.concatenate([part.deviation for part in parts]),
+        np.concatenate([part.trust for part in parts]),
+    )
+
+
+def _agree(candidates: Candidates, part: slice, exposure: Exposure) -> Consensus:
+    view = candidates.view[part]
+    known = view >= 0
+    gains = exposure.gains.astype(np.float32)[np.maximum(view, 0)]
+    colours = candidates.colour[part] * gains * _lit(exposure, candidates.radius[part])
     colours[~known] = np.inf
     count = known.sum(axis=1)
     ranked = np.sort(colours, axis=1)

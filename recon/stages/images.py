@@ -42,7 +42,10 @@ def detect_image_lines(run: Run) -> Views:
         down, sigma, count = vertical_direction(found, camera)
         run.counts |= {"images": len(frames), "image lines": sum(map(len, found)), "vertical lines": count}
         if count == 0:
-            run.warnings.append("no image shows vertical lines; the images are left out")
+            run.warnings.append(
+                "no image shows vertical lines of a camera that looks at most 12 degrees up, 57 down and leans by 20; "
+                "the images are left out"
+            )
             return Views(frames, None)
         return Views([None if f is None else relabel(f, camera, down) for f in frames], (down, sigma))
 

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from small_build import Small
 
-from recon.errors import InputError
+from recon.errors import InputError, OutputError
 from recon.geometry import rotation2
 from recon.report import write_report
 from recon.report.charts import thinned
@@ -197,6 +197,23 @@ def test_long_charts_keep_their_mean_square() -> None:
     assert len(x) == 400 and (np.diff(x) > 0).all()
     assert np.mean(y**2) == pytest.approx(np.nanmean(values**2), rel=1e-3)
     assert thinned(times[:5], values[:5])[0] == pytest.approx([1, 2, 3, 4])
+
+
+def test_a_disk_that_fills_up_leaves_the_result_that_was_there(small: Small, tmp_path: Path) -> None:
+    """A limit on the size of files stands in for the disk: the pictures go through, the page does not."""
+    resource = pytest.importorskip("resource", reason="no limits on this system")
+    folder = tmp_path / "m.recon"
+    shutil.copytree(small.folder, folder)
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(read(small.folder)) // 2, hard))
+    try:
+        with pytest.raises(OutputError, match=r"m.recon: cannot be written: File too large"):
+            save_result(small.build, folder)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+    assert list(tmp_path.iterdir()) == [folder]
 
 
 def test_a_shrunk_camera_sees_the_same() -> None:

@@ -146,7 +146,7 @@ def _define_variants(stage: Usd.Stage, root: Usd.Prim) -> None:
     """The variant set `ceiling` of the root: shown (the default) or hidden."""
     from pxr import UsdGeom
 
-    ceilings = [prim.GetPath() for prim in stage.Traverse() if prim.GetName().startswith("ceiling_")]
+    ceilings = [prim.GetPath() for prim in stage.Traverse() if prim.GetName().startswith(("ceiling_", "roof_"))]
     variants = root.GetVariantSets().AddVariantSet("ceiling")
     for name, visibility in CEILING_VARIANTS.items():
         variants.AddVariant(name)

@@ -31,8 +31,10 @@ def match_scans(run: Run) -> tuple[ScanMatching, ScanSegments]:
         del parts
     run.counts |= {"scans": len(scans), "scan segments": len(segments.table)}
     if matching.failed.any():
+        mend = "drive slower" if run.sequence.odometry is not None else "drive slower, or give odometry.txt"
         run.warnings.append(
-            f"{int(matching.failed.sum())} of {len(scans)} scans fitted no map; their motion is predicted"
+            f"{int(matching.failed.sum())} of {len(scans)} scans fitted no map; their motion is predicted ({mend}, "
+            "where there are many)"
         )
     run.sequence = replace(run.sequence, scans=scans)
     return matching, segments

@@ -15,12 +15,15 @@ KINDS = ("wall", "floor", "ceiling", "door", "window")
 LITTLE_SEEN = 0.5
 COARSE = 2.0
 """Times the resolution asked for."""
+BLACK, WHITE = 6, 250
+"""Levels: where half of what was seen lies below, or above, images show nothing there."""
 NAMED = 6
 
 
 def texture_notes(faces: tuple[Face, ...], config: TextureConfig) -> tuple[str, ...]:
-    """One sentence each: faces that no image shows, that are filled for the most part, known from one image only, or
-    coarser than asked for because of their size or because images see them from afar or at a grazing angle."""
+    """One sentence each: faces that no image shows, that are filled for the most part, known from one image only,
+    black or burnt out, or coarser than asked for because of their size or because images see them from afar or at a
+    grazing angle."""
     shown = [face for face in faces if face.kind in KINDS]
     painted = [face for face in shown if face.texture is not None]
     if shown and not painted:
@@ -34,6 +37,10 @@ def texture_notes(faces: tuple[Face, ...], config: TextureConfig) -> tuple[str, 
         (plain, "No image shows {}; plain colours stand there."),
         (filled, f"Images show less than {LITTLE_SEEN:.0%} of {{}}; the rest of the picture continues what they show."),
         (single, "One image only shows {}: nothing there could be checked against another."),
+        (
+            [f.name for f in painted if not BLACK <= _level(f) <= WHITE],
+            "Images are nearly black or burnt out on {}: other exposures would show more.",
+        ),
         (far, f"Images see {{}} from afar or at a grazing angle: coarser than {COARSE:g} x {_mm(config)} a texel."),
         (
             [f.name for f in limited],
@@ -48,6 +55,14 @@ def _images(face: Face) -> int:
     if face.sources is None:
         return 0
     return int(np.count_nonzero(np.unique(face.sources) >= 0))
+
+
+def _level(face: Face) -> float:
+    """The middle brightness of what images show of it, 0 to 255; mid-grey where that is nothing."""
+    if face.texture is None or face.sources is None:
+        return 128.0
+    seen = face.texture[::4, ::4][face.sources[::4, ::4] >= 0]
+    return float(np.median(seen)) if len(seen) else 128.0
 
 
 def _limit(face: Face, config: TextureConfig) -> float:

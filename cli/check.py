@@ -18,7 +18,7 @@ from recon.cli.options import PATH, examples, verbosity
 def check(files: tuple[Path, ...], quiet: bool) -> None:
     """Opens FILES with what is installed of the programs that people would: validators, Blender, Godot, libraries.
 
-    One line each: ok, broken, or not run and why. Exit status 2 when any of them cannot use a file.
+    One line each: ok, broken, or not run and why. All files are looked at; exit status 2 when any is missing or broken.
     """
     from recon.clients import check_file
     from recon.errors import InputError

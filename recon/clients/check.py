@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from recon.clients import documents, libraries, programs, simulators
+from recon.clients import documents, libraries, maps, programs, simulators
 from recon.clients.finding import Broken, Finding, Missing
-from recon.errors import InputError
 from recon.exporters import suffix_of
 
 Client = Callable[[Path], str]
@@ -33,19 +32,24 @@ CLIENTS: dict[str, dict[str, Client]] = {
     ".dxf": {"ezdxf": libraries.ezdxf},
     ".ifc": {"IfcOpenShell": libraries.ifcopenshell},
     ".svg": {"XML": documents.xml},
+    ".pdf": {"PDFium": maps.pdf},
+    ".png": {"Pillow": maps.png},
+    ".yaml": {"map": maps.nav_map},
+    ".geojson": {"Shapely": maps.geojson},
+    ".rooms.json": {"graph": maps.room_graph},
     ".json": {"recon": documents.layout},
 }
 """By suffix, the quick ones first."""
 
 
 def check_file(path: Path) -> list[Finding]:
-    """What every client of the format of `path` says; InputError when there is no such file or no client for it."""
+    """What each client of the format of `path` says: "not run" where there is none, "broken" where there is no file."""
     if not path.is_file():
-        raise InputError(f"{path}: no such file")
+        return [Finding("file", "broken", "is a folder, expected a file" if path.is_dir() else "no such file")]
     suffix = suffix_of(path)
     clients = CLIENTS.get(suffix)
     if clients is None:
-        raise InputError(f"{path}: nothing here opens {suffix or 'such files'}, expected {' '.join(CLIENTS)}")
+        return [Finding("any", "not run", f"nothing here opens {suffix or 'such files'}")]
     return [_ask(name, client, path.resolve()) for name, client in clients.items()]
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import importlib
 import tempfile
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -168,14 +168,21 @@ def export_building(building: Building, path: Path, options: ExportOptions = DEF
 
 def _put(output: Output, path: Path) -> None:
     """The file and those beside it, all or nothing."""
+    made: list[Path] = []
     try:
         with ExitStack() as stack:  # left in reverse order: `path` itself is moved into place last
             for name, content in [(path.name, output.content), *output.beside.items()]:
                 target = path.parent / name
+                made += [folder for folder in (target.parent, *target.parent.parents) if not folder.exists()]
                 target.parent.mkdir(exist_ok=True, parents=True)
                 stack.enter_context(atomic_path(target)).write_bytes(content)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+    except BaseException as error:
+        for folder in sorted(made, reverse=True):  # a folder after those in it
+            with suppress(OSError):
+                folder.rmdir()
+        if isinstance(error, OSError):
+            raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise
 
 
 def check_outputs(paths: Sequence[Path], options: ExportOptions = DEFAULTS) -> None:

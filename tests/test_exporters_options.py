@@ -140,6 +140,21 @@ def test_meshes_that_are_minimal_say_so(suffix: str, tmp_path: Path) -> None:
     assert export(open_house(), tmp_path / f"house{suffix}", ExportOptions(max_triangles=500)) == ()
 
 
+@pytest.mark.parametrize("present", [False, True])
+def test_a_failed_export_leaves_no_folder(present: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A disk that is full at the first byte; a folder that was there stays."""
+    if present:
+        (tmp_path / "house.textures").mkdir()
+
+    def full(*_: Any) -> int:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched, pytest.raises(OutputError, match="No space left on device"):
+        patched.setattr(Path, "write_bytes", lambda path, _: full() if path.parent != tmp_path else 0)
+        export(open_house(), tmp_path / "house.usda")
+    assert [path.name for path in tmp_path.iterdir()] == ["house.textures"] * present
+
+
 def test_a_cloud_by_its_bare_name_is_a_cloud(tmp_path: Path) -> None:
     known = {"cloud.ply": ".cloud.ply", "a.cloud.ply": ".cloud.ply", "Cloud.PLY": ".cloud.ply", "mycloud.ply": ".ply"}
     known |= {"rooms.json": ".rooms.json", "layout.json": ".json", ".ply": "", "glb": ""}

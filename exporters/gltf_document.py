@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import recon
-from recon.exporters.collision import convex_bodies
+from recon.exporters.bodies import Body, bodies_behind
 from recon.exporters.lightmap import light_map, own_light_map
 from recon.exporters.options import ExportOptions
 from recon.exporters.parts import Part
@@ -49,7 +49,11 @@ class Document:
         squares = light_map(flat) if options.engine is None else [own_light_map(face) for face in flat]
         self.light = {(part, face.name): square for (part, face), square in zip(faces, squares, strict=True)}
         below: list[int] = []
+        self.bodies: dict[str, list[Body]] = {}
         for self.part, self.structure in zip(parts, structures, strict=True):
+            if options.engine == "unreal":
+                own = list(self.structure.faces())
+                self.bodies = {face.name: each for face, each in zip(own, bodies_behind(own), strict=True)}
             rooms = [self._group(group) for group in self.structure.groups]
             below += [self._level(rooms)] if self.part.name else rooms
         root: dict[str, Any] = {"name": name} | ({"children": below} if below else {})
@@ -100,11 +104,11 @@ class Document:
         mesh = self._mesh(own, self._primitive(face))
         found = [self._add("nodes", {"name": name, "mesh": mesh, "extras": self.structure.facts(face)})]
         if self.options.engine == "unreal":
-            for k, (vertices, triangles) in enumerate(convex_bodies(face)):
-                attributes = {"POSITION": self._accessor(y_up(vertices).astype("<f4"), "VEC3")}
-                body = {"attributes": attributes, "indices": self._indices(triangles)}
+            for k, body in enumerate(self.bodies[face.name]):
+                attributes = {"POSITION": self._accessor(y_up(body.vertices).astype("<f4"), "VEC3")}
+                shape = {"attributes": attributes, "indices": self._indices(body.triangles)}
                 title = f"UCX_{own}_{k:02d}"
-                found.append(self._add("nodes", {"name": title, "mesh": self._mesh(title, body)}))
+                found.append(self._add("nodes", {"name": title, "mesh": self._mesh(title, shape)}))
         return found
 
     def _mesh(self, name: str, primitive: dict[str, Any]) -> int:

@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from recon.exporters.collision import CollisionShape, collision_shapes, free_depths
+from recon.exporters.collision import CollisionShape, collision_shapes
 from recon.exporters.obj import obj_output
 from recon.exporters.options import DEFAULTS, ExportOptions
 from recon.exporters.output import Output
@@ -21,12 +21,13 @@ def write_sdf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
     What is seen are the faces; what collides are convex shapes, at most 5 cm thick, behind each: simulators take any
     mesh that is to be run into for its convex hull.
     """
-    folder, meshes = _meshes(model, stem, options)
+    collisions = collision_shapes(model.faces)
+    folder, meshes = _meshes(model, collisions, stem, options)
     shapes = f"""
         <visual name="visual">
           <geometry><mesh><uri>{escape(f"{folder}/visual.obj")}</uri></mesh></geometry>
         </visual>""" * bool(model.faces)
-    for shape in _collisions(model):
+    for shape in collisions:
         size = f"<box><size>{_row(shape.size)}</size></box>"
         mesh = f"<mesh><uri>{escape(f'{folder}/{shape.name}.stl')}</uri></mesh>"
         shapes += f"""
@@ -62,10 +63,11 @@ def write_sdf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Out
 
 def write_urdf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Output:
     """The building as one link without a joint; meshes as `write_sdf`."""
-    folder, meshes = _meshes(model, stem, options)
+    collisions = collision_shapes(model.faces)
+    folder, meshes = _meshes(model, collisions, stem, options)
     seen = f"{folder}/visual.obj"
     shapes = f"\n    <visual><geometry><mesh filename={quoteattr(seen)}/></geometry></visual>" * bool(model.faces)
-    for shape in _collisions(model):
+    for shape in collisions:
         box = f'<box size="{_row(shape.size)}"/>'
         mesh = f"<mesh filename={quoteattr(f'{folder}/{shape.name}.stl')}/>"
         shapes += f"""
@@ -77,19 +79,16 @@ def write_urdf(model: Model, stem: str, options: ExportOptions = DEFAULTS) -> Ou
     return Output(f'<?xml version="1.0"?>\n<robot name={quoteattr(stem)}>\n{link}</robot>\n'.encode(), meshes)
 
 
-def _collisions(model: Model) -> list[CollisionShape]:
-    depths = free_depths(model.faces)
-    return [shape for face, depth in zip(model.faces, depths, strict=True) for shape in collision_shapes(face, depth)]
-
-
-def _meshes(model: Model, stem: str, options: ExportOptions) -> tuple[str, dict[str, bytes]]:
+def _meshes(
+    model: Model, collisions: list[CollisionShape], stem: str, options: ExportOptions
+) -> tuple[str, dict[str, bytes]]:
     """The name of the folder, and its files."""
     folder = f"{stem}.meshes"
     if not model.faces:
         return folder, {}
     visual = obj_output(model, "visual", options, z_up=True)
     files = {"visual.obj": visual.content} | visual.beside
-    for shape in _collisions(model):
+    for shape in collisions:
         if not shape.is_box:
             files[f"{shape.name}.stl"] = stl_of(shape.corners)
     return folder, {f"{folder}/{name}": content for name, content in files.items()}

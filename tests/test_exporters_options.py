@@ -22,7 +22,7 @@ from two_rooms import HEIGHT
 from recon.cloud import PointCloud
 from recon.errors import OutputError
 from recon.exporters import MESHES, check_outputs, export, suffix_of
-from recon.exporters.collision import convex_bodies
+from recon.exporters.bodies import bodies_behind, convex_bodies
 from recon.exporters.lightmap import light_map
 from recon.exporters.options import ExportOptions
 from recon.geometry import Array
@@ -190,13 +190,34 @@ def test_convex_bodies_fill_what_is_behind_a_face() -> None:
         a, b, c = np.moveaxis(face.vertices[face.triangles], 1, 0)
         area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
         volume = 0.0
-        for vertices, triangles in convex_bodies(face):
-            body = trimesh.Trimesh(vertices, triangles, process=False)
+        for each in convex_bodies(face):
+            body = trimesh.Trimesh(each.vertices, each.triangles, process=False)
             assert body.is_watertight and body.is_winding_consistent and body.volume > 0
             assert body.volume == pytest.approx(body.convex_hull.volume, rel=1e-5), "convex"
-            assert ((vertices - face.vertices[0]) @ face.normal).max() < 1e-9, "behind the face"
+            assert ((each.vertices - face.vertices[0]) @ face.normal).max() < 1e-9, "behind the face"
             volume += float(body.volume)
         assert volume == pytest.approx(0.05 * area, rel=1e-6)
+
+
+@given(st.floats(0.1, 3.1), st.floats(0.0, 6.28))
+@settings(max_examples=30, deadline=None)
+def test_bodies_of_a_sharp_corner_stand_out_nowhere(angle: float, turn: float) -> None:
+    """The end of a wall that is a wedge, seen from both sides: what collides is the wedge, 5 cm deep."""
+    ends = [np.array([np.cos(turn), np.sin(turn)]), np.array([np.cos(turn + angle), np.sin(turn + angle)])]
+    faces = []
+    for k, (a, b) in enumerate([(ends[0], np.zeros(2)), (np.zeros(2), ends[1])]):
+        vertices = np.array([[*a, 0.0], [*b, 0.0], [*b, 2.0], [*a, 2.0]])[::-1]
+        triangles = np.array([[0, 1, 2], [0, 2, 3]])
+        faces.append(Face(f"wall_{k:03d}", "wall", k, vertices, triangles, np.zeros((4, 2))))
+    for face, bodies in zip(faces, bodies_behind(faces), strict=True):
+        (body,) = (trimesh.Trimesh(each.vertices, each.triangles, process=False) for each in bodies)
+        assert body.is_watertight and body.volume == pytest.approx(body.convex_hull.volume, rel=1e-5)
+        cut = max(0.0, np.tan(np.pi / 2 - angle) * 0.05)  # of its end, where the angle is sharp
+        assert 2.0 * 0.05 * (1.0 - cut / 2) == pytest.approx(body.volume, abs=2e-4) or angle < 0.15
+        inside = ends[0] + ends[1]  # the wedge is behind both faces
+        assert np.dot(face.normal[:2], inside) < 0
+        for other in faces:
+            assert ((body.vertices - other.vertices[0]) @ other.normal).max() < 1.1e-3, (face.name, other.name)
 
 
 @given(st.lists(st.tuples(st.floats(0.02, 60.0), st.floats(0.02, 6.0)), min_size=1, max_size=60))

@@ -78,7 +78,7 @@ class _Planes:
         return _cut(body, self.normals[through], self.levels[through]) if through else body
 
     def _near(self, low: Array, high: Array, margin: float) -> NDArray[np.bool_]:
-        near: NDArray[np.bool_] = ((self.low - margin < high) & (self.high + margin > low)).all(axis=1)
+        near: NDArray[np.bool_] = np.asarray(((self.low - margin < high) & (self.high + margin > low)).all(axis=1))
         return near
 
     def _comes_through(self, body: Body, number: int) -> bool:

@@ -21,6 +21,7 @@ from recon.layout.evidence import FreeSpace, free_space, ray_times, scan_rays
 from recon.layout.frontier import frontier_lines
 from recon.layout.furniture import filled, with_furniture, without_furniture
 from recon.layout.gates import with_gates
+from recon.layout.jambs import with_jambs
 from recon.layout.labelling import areas, label_cells, supports, trust
 from recon.layout.leaves import without_leaves
 from recon.layout.line import PlanLine, merged_lines
@@ -69,9 +70,10 @@ def build_layout(
     lines += frontier_lines(space, lines)
     cells = cut_plane(lines, *_bounds(space, lines))
     walls, owner, rooms = _walls_and_rooms(cells, lines, space, visited, path)
-    openings = with_depths(find_openings(walls, returns, space, path), walls, returns)
+    openings = find_openings(walls, returns, space, path)
     walls = with_thickness(walls)
     openings += find_windows(walls, rooms, openings, estimate.trajectory, scans)
+    openings = with_depths(with_jambs(openings, walls, estimate.trajectory, scans), walls, returns)
     walls = without_openings(walls, openings)
     objects = floor_objects(walls, [shapely.Polygon(room.polygon) for room in rooms], space)
     objects = with_furniture(objects, furniture)

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array
 from recon.layout.evidence import FreeSpace
-from recon.layout.jambs import with_jamb_sigmas
 from recon.layout.recess import DEPTH, WIDTH
 from recon.layout.returns import Returns
 from recon.layout.swing import Swings
@@ -54,7 +53,7 @@ def find_openings(walls: list[Wall], returns: Returns, space: FreeSpace, path: A
             start, end = wall.start + low * wall.direction, wall.start + high * wall.direction
             is_open = (kind, low, high) in gaps or bool(np.any((driven > low) & (driven < high)))
             out.append(Opening(len(out), kind, wall.id, start, end, 0.0, TOP, is_open and kind == "door"))
-    return with_jamb_sigmas(out, walls, returns)
+    return out
 
 
 def _overlap(one: Stretch, other: Stretch) -> bool:

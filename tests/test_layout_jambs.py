@@ -18,31 +18,34 @@ from recon.sequence.trajectory import Trajectory
 BEAMS = 720
 ROOM_BEHIND = 2.5
 """m from the face."""
+CASING = 0.06
+"""m, its width."""
 WALL = Wall(0, np.array([0.0, 0.0]), np.array([4.0, 0.0]), 0.001, 0.0005, "lidar", 100)
 
 
-def cast(place: Array, angles: Array, low: float, high: float, depth: float, behind: float) -> Array:
-    """Ranges (B,) m from `place` to the line y = 0 with a hole from low to high m, reveals `depth` m deep, and a
-    surface `behind` m behind the face; inf upwards. Plain geometry, beam by beam."""
+def cast(place: Array, angles: Array, low: float, high: float, depth: float, behind: float, proud: float) -> Array:
+    """Ranges (B,) m from `place` to the line y = 0 with a hole from low to high m, reveals `depth` m deep, a casing
+    that stands `proud` m before the face, and a surface `behind` m behind it; inf upwards. Beam by beam."""
     ranges = np.full(len(angles), np.inf)
     for k, angle in enumerate(angles):
         dx, dy = np.cos(angle), np.sin(angle)
         if dy > -1e-3:
             continue
-        x = place[0] - place[1] / dy * dx
+        x = place[0] - (place[1] - proud) / dy * dx
         if not low < x < high:
-            ranges[k] = -place[1] / dy
+            on_casing = low - CASING < x < high + CASING
+            ranges[k] = -(place[1] - (proud if on_casing else 0.0)) / dy
             continue
         far = place[0] - (place[1] + behind) / dy * dx
         side = low if dx < 0 else high
         y = place[1] + (side - place[0]) / dx * dy if abs(dx) > 1e-9 else -np.inf
-        hits_reveal = not low < far < high and -depth <= y <= 0
+        hits_reveal = not low < far < high and -depth <= y <= proud
         ranges[k] = (side - place[0]) / dx if hits_reveal else -(place[1] + behind) / dy
     return ranges
 
 
 def drive(
-    low: float, high: float, depth: float, behind: float, seed: int, far: float = 1.5
+    low: float, high: float, depth: float, behind: float, seed: int, proud: float = 0.0
 ) -> tuple[Trajectory, Scans]:
     """60 scans past a wall, 1.5 m from it, 1 cm of noise, poses 0.5 mm off."""
     rng = np.random.default_rng(seed)
@@ -51,7 +54,7 @@ def drive(
     step = np.radians(270.0) / (BEAMS - 1)
     bearings = -np.radians(135.0) + step * np.arange(BEAMS)
     turned = poses + rng.normal(0.0, [0.0005, 0.0005, 0.0002], poses.shape)
-    ranges = np.array([cast(p[:2], p[2] + bearings, low, high, depth, behind) for p in turned])
+    ranges = np.array([cast(p[:2], p[2] + bearings, low, high, depth, behind, proud) for p in turned])
     ranges += rng.normal(0.0, 0.01, ranges.shape)
     stray = rng.random(ranges.shape) < 0.01
     ranges[stray] *= rng.random(int(stray.sum()))
@@ -98,6 +101,17 @@ def test_openings_are_neither_too_narrow_nor_too_wide_and_sigmas_are_honest() ->
     assert np.mean(np.array(ratios) < 1) > 0.5
     assert np.mean(np.array(ratios) < 2) > 0.85
     assert np.median(ratios) > 0.2  # nor are they far too large
+
+
+def test_casings_that_stand_before_the_face_make_no_opening_narrower() -> None:
+    narrow = []
+    for seed in range(6):
+        low, high = 1.0 + 0.037 * seed, 2.0 + 0.041 * seed
+        trajectory, scans = drive(low, high, 0.08, 0.08, seed, proud=0.02)
+        (found,) = with_jambs([opening("door", low + 0.011, high - 0.011)], [WALL], trajectory, scans)
+        narrow += [found.start[0] - low, high - found.end[0]]
+    assert abs(np.median(narrow)) < 0.0015
+    assert np.abs(narrow).max() < 0.006
 
 
 def test_a_jamb_that_is_seen_on_its_reveal_only_is_where_the_reveal_is() -> None:

@@ -29,6 +29,8 @@ CLOSE = 0.1
 NARROWEST = 0.4
 """m, of an opening whose jambs are looked for; one alone is moved by so much of half of it, at most:"""
 INWARD = 0.8
+CASING, MIN_CASING = 0.06, 20
+"""m beside a jamb, where a casing may stand before the wall's face, and beams on it that tell by how much."""
 MIN_SCATTER = 0.004
 """m, one standard deviation of returns from a face, at least ..."""
 MAX_SCATTER = 0.02
@@ -129,18 +131,27 @@ def _jamb(beams: Aimed, end: float, way: float, half: float, closed: bool) -> tu
     middle = float(np.median(beams.across[face]))
     scatter = MAD * float(np.median(np.abs(beams.across[face] - middle)))
     scatter = min(max(scatter, MIN_SCATTER), MAX_SCATTER)
-    beams = Aimed(beams.along - middle * beams.slope, beams.across - middle, beams.slope, beams.scan)
+    beams = _from(beams, middle)
     beams = beams.only(beams.across < 3 * scatter)  # what ended before the wall says nothing of it
     reach = min(SEARCHED, INWARD * half)
     places = np.arange(-reach, reach, COARSE)
     models = _models(beams, scatter, closed)
     best, model = _first(places, models, _thinned(beams, COARSE_BEAMS))
+    casing = (np.abs(beams.across) < FACE) & (beams.along > best - CASING) & (beams.along < best)
+    if np.count_nonzero(casing) >= MIN_CASING:
+        proud = float(np.median(beams.across[casing]))
+        beams, model = _from(beams, proud), replace(model, depth=model.depth + proud)
     beams = _thinned(beams.only(np.abs(beams.along - best) < SEARCHED), FINE_BEAMS)
     sides = [np.count_nonzero((beams.along > a) & (beams.along < a + CLOSE)) for a in (best - CLOSE, best)]
     if min(sides) < MIN_BEAMS or not places[0] < best < places[-1]:
         return None
     place, sigma = _refined(np.arange(best - FINE_REACH, best + FINE_REACH, FINE), model, beams)
     return end + way * place, sigma
+
+
+def _from(beams: Aimed, across: float) -> Aimed:
+    """The beams where they cross, and counted from, a plane `across` m before the wall's."""
+    return Aimed(beams.along - across * beams.slope, beams.across - across, beams.slope, beams.scan)
 
 
 def _models(beams: Aimed, scatter: float, closed: bool) -> list[_Model]:

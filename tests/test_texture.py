@@ -194,7 +194,8 @@ def test_samples_of_exposure_are_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
     samples = gains.ExposureSamples()
     for view, gain in enumerate(truth):
         points = np.sort(rng.choice(4000, 3000, replace=False)).astype(np.int64)
-        samples.add(points, view, np.exp(colours[points] - gain).astype(np.uint8), np.full(3000, 0.5))
+        seen = np.exp(colours[points] - gain).astype(np.uint8)
+        samples.add(points, view, seen, np.full(3000, 0.5), np.zeros(3000, np.int64))
         assert 2_000 < len(np.concatenate(samples._points)) <= 10_000
     found = np.log(samples.solve(60).gains)
     assert np.ptp(found - truth[:, None]) < 0.06

@@ -76,6 +76,11 @@ class Canvas:
         return float(np.sqrt(self.plane.size[0] / self.width * self.plane.size[1] / self.height))
 
     @property
+    def floor(self) -> bool:
+        """Whether it is a floor."""
+        return bool(self.plane.normal[2] > 0.5)
+
+    @property
     def blocks(self) -> tuple[int, int]:
         """Rows and columns of blocks; the last ones may reach beyond the picture."""
         return -(-self.height // BLOCK), -(-self.width // BLOCK)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.geometry import Array
+from recon.texture.fixed import Fixed, Seen, find_fixed
 
 SHRINK, SHRINK_HUE = 0.03, 0.3
 """Pull of gains towards 1, as a share of an image's samples: brightness, hue. Jumps from image to image are evened out,
@@ -29,10 +30,13 @@ class Exposure:
 
     shading: (2,), a and b of the lens's vignetting: exp(a r^2 + b r^4) times the light arrives at r, the distance from
     the middle of the image as a share of that of its corners.
+
+    fixed: what lies over the same places of all images.
     """
 
     gains: Array
     shading: Array
+    fixed: Fixed | None = None
 
     def light(self, radius: Array) -> Array:
         """Logarithm of the share of light at r, `radius` (...)."""
@@ -49,16 +53,26 @@ class ExposureSamples:
         self._views: list[NDArray[np.int64]] = []
         self._logs: list[NDArray[np.float32]] = []
         self._radii: list[NDArray[np.float32]] = []
+        self._cells: list[NDArray[np.int16]] = []
+        self._valid: list[NDArray[np.bool_]] = []
 
-    def add(self, points: NDArray[np.int64], view: int, colours: NDArray[np.uint8], radius: Array) -> None:
-        """Points by number (n,), as image `view` sees them: colours (n, 3), clipped and dark ones are left out, at
-        distances `radius` (n,) from the middle of the image (1: its corners)."""
-        use = (colours.min(axis=1) >= DARKEST) & (colours.max(axis=1) <= BRIGHTEST)
-        use &= _scattered(points) % self._stride == 0
+    def add(
+        self,
+        points: NDArray[np.int64],
+        view: int,
+        colours: NDArray[np.uint8],
+        radius: Array,
+        cells: NDArray[np.int64],
+    ) -> None:
+        """Points by number (n,), as image `view` sees them: colours (n, 3), clipped ones are left out, at distances
+        `radius` (n,) from the middle of the image (1: its corners), in its `cells` (n,), `fixed.cell_of`."""
+        use = (colours.max(axis=1) <= BRIGHTEST) & (_scattered(points) % self._stride == 0)
         self._points.append(points[use])
         self._views.append(np.full(int(use.sum()), view, np.int64))
-        self._logs.append(np.log(colours[use].astype(np.float32)))
+        self._logs.append(np.log(np.maximum(colours[use], 1).astype(np.float32)))
         self._radii.append(radius[use].astype(np.float32))
+        self._cells.append(cells[use].astype(np.int16))
+        self._valid.append(colours[use].min(axis=1) >= DARKEST)
         self._held += len(self._points[-1])
         while self._held > MOST_SAMPLES:
             self._thin()
@@ -71,16 +85,30 @@ class ExposureSamples:
         self._views = [part[use] for part, use in zip(self._views, kept, strict=True)]
         self._logs = [part[use] for part, use in zip(self._logs, kept, strict=True)]
         self._radii = [part[use] for part, use in zip(self._radii, kept, strict=True)]
+        self._cells = [part[use] for part, use in zip(self._cells, kept, strict=True)]
+        self._valid = [part[use] for part, use in zip(self._valid, kept, strict=True)]
         self._held = sum(map(len, self._points))
 
     def solve(self, views: int) -> Exposure:
-        """Of `views` images."""
-        if not sum(map(len, self._points)):
+        """Of `views` images. What is dark tells nothing."""
+        if not sum(int(part.sum()) for part in self._valid):
             return Exposure(np.ones((views, 3)), np.zeros(2))
-        points, owners = np.concatenate(self._points), np.concatenate(self._views)
-        logs, radii = (np.concatenate(parts).astype(np.float64) for parts in (self._logs, self._radii))
+        use = np.concatenate(self._valid)
+        points, owners = np.concatenate(self._points)[use], np.concatenate(self._views)[use]
+        logs, radii = (np.concatenate(parts)[use].astype(np.float64) for parts in (self._logs, self._radii))
         gains, shading = solve_log_gains(points, owners, logs, radii, views)
         return Exposure(np.exp(gains), shading)
+
+    def fixed(self, exposure: Exposure) -> Fixed | None:
+        """What lies over the same places of all images, by these samples with their exposure made up for."""
+        if not self._held:
+            return None
+        points, views = np.concatenate(self._points), np.concatenate(self._views)
+        cells = np.concatenate(self._cells)
+        light = exposure.light(np.concatenate(self._radii).astype(np.float64))
+        logs = np.concatenate(self._logs) + np.log(exposure.gains)[views] - light[:, None]
+        numbers = np.unique(points, return_inverse=True)[1]
+        return find_fixed(Seen(numbers, views, cells.astype(np.int64), logs, np.concatenate(self._valid)))
 
 
 def _scattered(points: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -123,13 +123,15 @@ def _project(canvas: Canvas, rows: Range, columns: Range, shot: Shot, lens: Lens
     nodes = canvas.nodes(rows, columns)
     local = shot.map_from_camera.inverse().apply(nodes.reshape(-1, 3))
     at_nodes = lens.project(local).reshape(*nodes.shape[:2], 2)
-    light = shot.exposure.light(np.minimum(lens.radius_of(at_nodes), 1.0))
+    light = shot.exposure.light(np.minimum(lens.radius_of(at_nodes), 1.0))[..., None]
+    if shot.exposure.fixed is not None:
+        light = light + shot.exposure.fixed.light(at_nodes, lens.camera, canvas.floor)
     pixels = enlarge(at_nodes.astype(np.float32))
     inside = cv2.inRange(pixels, (0.0, 0.0, 0.0, 0.0), (image.shape[1] - 1.0, image.shape[0] - 1.0, 0.0, 0.0))
     source = pyramid(image, shot.level + 1)[-1]
     at = at_level(pixels, image, source)
     colour = cv2.remap(source, at, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    gain = np.log(shot.exposure.gains[shot.view]) - np.nan_to_num(light)[..., None]
+    gain = np.log(shot.exposure.gains[shot.view]) - np.nan_to_num(light)
     factor = enlarge(np.exp(shot.correction.at(rows, columns) + gain.astype(np.float32)))
     return np.asarray(cv2.multiply(colour, factor, dtype=cv2.CV_32F)), np.asarray(inside)
 

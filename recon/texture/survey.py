@@ -17,6 +17,7 @@ from recon.raycast import RayScene
 from recon.texture.blur import blur_cost
 from recon.texture.candidates import Candidates, view_cost
 from recon.texture.canvas import BLOCK, Canvas, Plane
+from recon.texture.fixed import Fixed, cell_of
 from recon.texture.gains import ExposureSamples
 from recon.texture.ordered import ordered_map
 from recon.texture.view import Image, Lens, Sight, look, pyramid, sample
@@ -32,6 +33,8 @@ MIN_STEP, MIN_TURN = 0.10, np.deg2rad(4.0)
 """m, rad: an image nearer than both to the last one used shows nothing new."""
 PROBES = 24
 """Points a side at which resolution is probed."""
+LAST = 12.0
+"""Octaves: what a shadow of the platform lies on is shown where no other image shows it."""
 DETAIL = 0.7
 """Texels a side of what one pixel covers: finer would show nothing more."""
 
@@ -104,8 +107,12 @@ def survey(
     load: Callable[[int], Image | None],
     workers: int,
     stage: Stage,
+    fixed: Fixed | None = None,
 ) -> tuple[list[Candidates], ExposureSamples]:
-    """The best views of every block of every canvas, and samples of exposure. Every image is decoded once."""
+    """The best views of every block of every canvas, and samples of exposure. Every image is decoded once.
+
+    fixed: what lies over all images, made up for, looked at last and not among the samples.
+    """
     candidates = [Candidates(canvas.blocks[0] * canvas.blocks[1]) for canvas in canvases]
     samples = ExposureSamples()
     starts = np.cumsum([0] + [len(c.cost) for c in candidates])
@@ -120,10 +127,17 @@ def survey(
         for k, sight, colour in seen:
             cost = view_cost(sight, canvases[k], rig.lens.camera) + blur
             radius = rig.lens.radius_of(sight.pixels)
-            candidates[k].offer(sight.index, i, cost, colour, radius)
             row, column = np.divmod(sight.index, canvases[k].blocks[1])
             use = (row % EXPOSURE_STRIDE == 0) & (column % EXPOSURE_STRIDE == 0)
-            samples.add(starts[k] + sight.index[use], i, colour[use], radius[use])
+            shown = sight.pixels, rig.lens.camera, canvases[k].floor
+            if fixed is not None:
+                doubtful, hidden = fixed.at(*shown)
+                cost = np.where(hidden, np.inf, cost + LAST * doubtful)
+                colour = fixed.lit(colour, *shown)
+                use &= ~doubtful
+            candidates[k].offer(sight.index, i, cost, colour, radius)
+            cells = cell_of(*shown)
+            samples.add(starts[k] + sight.index[use], i, colour[use], radius[use], cells[use])
         stage.advance()
     return candidates, samples
 

@@ -61,6 +61,11 @@ def texture_faces(
     with progress.stage("views of faces", total=len(images), unit="images") as stage:
         candidates, samples = survey(rig, canvases, images, load, workers, stage)
     exposure = samples.solve(len(map_from_camera))
+    fixed = samples.fixed(exposure)
+    if fixed is not None:
+        with progress.stage("views beside shadows", total=len(images), unit="images") as stage:
+            candidates, samples = survey(rig, canvases, images, load, workers, stage, fixed)
+        exposure = replace(samples.solve(len(map_from_camera)), fixed=fixed)
     cached = ImageCache(load, CACHE_BYTES)
     textured: dict[str, Face] = {}
     work = list(zip(canvases, candidates, strict=True))

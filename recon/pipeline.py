@@ -63,7 +63,7 @@ def build(
         estimate = solve(run, seen, *named)
         run.warnings.extend(measured.surprises(estimate))
     layout = plan_rooms(run, seen, estimate)
-    poses = place_cameras(run, seen.calibration, estimate.trajectory)
+    poses = place_cameras(run, seen.calibration, estimate)
     if plan_only:
         model = bare_model(run, layout)
     else:

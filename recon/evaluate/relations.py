@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.errors import InputError
-from recon.geometry import Array, between2, compose2, wrap_angle
+from recon.geometry import Array, between2, wrap_angle
+from recon.graph.between import along_odometry
 from recon.lidar.clock import OdometryClock, odometry_clock
 from recon.sequence.groundtruth import Relations
 from recon.sequence.trajectory import Trajectory
@@ -102,17 +103,6 @@ def poses_at(trajectory: Trajectory, times: Array, odometry: Trajectory | None =
     straight = trajectory.at(times)
     if odometry is None or len(trajectory) < 2 or len(odometry) < 2:
         return straight
-    stamps = trajectory.timestamps
-    before = np.clip(np.searchsorted(stamps, times, side="right") - 1, 0, len(stamps) - 2)
-    start, end = stamps[before], stamps[before + 1]
-    there = odometry.at(times)
-    forward = compose2(trajectory.poses[before], between2(odometry.at(start), there))
-    backward = compose2(trajectory.poses[before + 1], between2(odometry.at(end), there))
-    part = ((times - start) / (end - start))[:, None]
-    miss = backward - forward
-    miss[:, 2] = wrap_angle(miss[:, 2])
-    along = forward + part * miss
-    along[:, 2] = wrap_angle(along[:, 2])
-    covered = (start >= odometry.timestamps[0] - AT_END) & (end <= odometry.timestamps[-1] + AT_END)
-    covered &= (times >= start) & (times <= end)
-    return np.where(covered[:, None], along, straight)
+    along, covered = along_odometry(trajectory, times, odometry)
+    inside = (times >= trajectory.timestamps[0]) & (times <= trajectory.timestamps[-1])
+    return np.where((covered & inside)[:, None], along, straight)

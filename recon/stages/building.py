@@ -40,7 +40,7 @@ def _plan(run: Run, seen: Observed, estimate: MapEstimate) -> Layout:
     scans, config = run.sequence.scans, run.config.layout
     if run.sight is None or seen.calibration is None:
         return build_layout(estimate, scans, config)
-    poses, camera = place_cameras(run, seen.calibration, estimate.trajectory), run.sight[1]
+    poses, camera = place_cameras(run, seen.calibration, estimate), run.sight[1]
 
     def plan(furniture: Iterable[Furniture] = ()) -> Layout:
         layout = build_layout(estimate, scans, config, tuple(furniture))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from recon.calibration.calibrate import TOLERANCE, calibrate, check_given
 from recon.calibration.clock import heading_offset
 from recon.calibration.frames import collect_frames
@@ -9,7 +11,8 @@ from recon.calibration.result import Calibration
 from recon.calibration.support import CalibrationFrames
 from recon.calibration.synchronise import Drive, calibrate_with_clock
 from recon.faces import extrude
-from recon.geometry import Pose3
+from recon.geometry import Array, Pose3
+from recon.graph.between import Between, poses_between
 from recon.graph.estimate import MapEstimate
 from recon.lidar.segment import ScanSegments
 from recon.model import Layout
@@ -79,14 +82,14 @@ def calibrate_camera(run: Run, views: Views, trajectory: Trajectory, segments: S
     return result
 
 
-def place_cameras(run: Run, calibration: Calibration | None, trajectory: Trajectory) -> Poses:
+def place_cameras(run: Run, calibration: Calibration | None, estimate: MapEstimate) -> Poses:
     """map_from_camera at every image; None where the image is outside the scans' time."""
     images = run.sequence.images
     if images is None:
         return ()
     if calibration is None:
         return (None,) * len(images)
-    times = calibration.on_scan_clock(images.timestamps)
+    times, trajectory = calibration.on_scan_clock(images.timestamps), estimate.trajectory
     first, last = trajectory.timestamps[0] - MAX_EXTRAPOLATION, trajectory.timestamps[-1] + MAX_EXTRAPOLATION
     inside = (times >= first) & (times <= last)
     if not inside.all():
@@ -95,8 +98,15 @@ def place_cameras(run: Run, calibration: Calibration | None, trajectory: Traject
         )
     return tuple(
         Pose3.from_planar(pose) @ calibration.platform_from_camera if ok else None
-        for pose, ok in zip(trajectory.at(times), inside, strict=True)
+        for pose, ok in zip(_platform(run, estimate, times).poses, inside, strict=True)
     )
+
+
+def _platform(run: Run, estimate: MapEstimate, times: Array) -> Between:
+    odometry, clock = run.sequence.odometry, estimate.odometry_clock
+    if odometry is not None and clock is not None:
+        odometry = clock.on_scan_clock(odometry)
+    return poses_between(estimate.trajectory, times, odometry)
 
 
 def refine_cameras(
@@ -106,7 +116,8 @@ def refine_cameras(
     if run.sight is None or calibration is None:
         return poses
     images, camera = run.sight
-    scans = estimate.trajectory.nearest(calibration.on_scan_clock(images.timestamps))
-    sigmas = camera_sigmas(estimate.pose_sigmas[scans])
+    times = calibration.on_scan_clock(images.timestamps)
+    at_scans = camera_sigmas(estimate.pose_sigmas[estimate.trajectory.nearest(times)])
+    sigmas = np.hypot(at_scans, _platform(run, estimate, times).sigmas)
     with run.stage("image poses"):
         return refine_poses(extrude(layout), camera, poses, run.load, sigmas, run.config.workers)

@@ -14,8 +14,8 @@ from recon.texture.canvas import Plane
 from recon.texture.matches import Matches
 
 LEAST_MOVE, LEAST_TURN = 0.002, np.deg2rad(0.05)
-"""m, rad: added to the standard deviations of the poses given, for what those leave out: the platform rocks, poses
-between scans are interpolated. No more: what stands before the faces matches, too, and would pull poses away."""
+"""m, rad: added to the standard deviations of the poses given, for what those leave out: the platform rocks. No
+more: what stands before the faces matches, too, and would pull poses away."""
 NOISE, FULL_WEIGHT = 0.7, 60
 """Pixels, of one match; matches of a pair of images count as at most so many: their errors are not independent."""
 ITERATIONS = 6

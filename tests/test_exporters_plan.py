@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -17,6 +18,7 @@ from recon.exporters import export
 from recon.geometry import Array, rotation2
 from recon.model import Layout, Model, Opening, Room, Wall
 from recon.plan import DRAWN_THICKNESS, dominant_angle, opening_span, solid_pieces, wall_bodies
+from recon.plan.solids import Solids
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -88,6 +90,19 @@ def test_svg_walls_are_broken_at_openings(tmp_path: Path) -> None:
     np.testing.assert_allclose(page.points("wall_000"), np.array([[0, 0], [1, 0], [1.9, 0], [6, 0]]), atol=1e-6)
     drawn = {name for name in page.ids if re.fullmatch(r"(door|passage|window)_\d+", str(name))}
     assert drawn == {"door_000", "passage_001", "window_003"}  # the passage once, through both walls
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_corners_of_measured_walls_are_measured(angle: float) -> None:
+    """All that was seen of a room's walls is how thick they are: no corner is drawn as if it were assumed."""
+    layout = turned(two_rooms(), angle).layout
+    thick = replace(layout, walls=tuple(replace(w, thickness=0.2, unseen=np.zeros((0, 2))) for w in layout.walls))
+    seen = Solids.of(thick)
+    assert seen.assumed.area < 1e-6
+    assert seen.measured.area == pytest.approx(seen.whole.area, rel=1e-6)
+    one = replace(thick, walls=(replace(thick.walls[0], thickness=None), *thick.walls[1:]))
+    depth = Solids.of(one).assumed.area / thick.walls[0].length
+    assert depth > 0.5 * DRAWN_THICKNESS, "one that is not is not"
 
 
 def test_bodies_of_walls_are_outside_of_rooms_and_behind_every_wall() -> None:

@@ -13,7 +13,16 @@ from recon.geometry import Array
 from recon.model import Layout, Wall
 from recon.plan.drawing import Element, Fill, Polyline
 from recon.plan.layers import BACK, FILL, INFERRED, WALL
-from recon.plan.walls import behind, closed, drawn_depth, solid_pieces, unseen_bodies, unseen_pieces, wall_bodies
+from recon.plan.walls import (
+    behind,
+    closed,
+    corner_bodies,
+    drawn_depth,
+    solid_pieces,
+    unseen_bodies,
+    unseen_pieces,
+    wall_bodies,
+)
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -46,13 +55,14 @@ class Solids:
         whole = wall_bodies(layout)
         unseen = _only(shapely.intersection, unseen_bodies(layout), whole)
         deep = [w for w in layout.walls if w.thickness is not None]
-        between = shapely.unary_union([behind(np.array([w.start, w.end]), w, drawn_depth(w)) for w in deep])
+        parts = [behind(np.array([w.start, w.end]), w, drawn_depth(w)) for w in deep]
+        between = shapely.unary_union(parts + corner_bodies(layout, {w.id for w in deep}, both=True))
         solid = _only(shapely.difference, whole, unseen)
         measured = _only(shapely.intersection, closed(between, CORE), solid)
         assumed = closed(_only(shapely.difference, solid, measured), -THINNEST / 2)
         seen = shapely.STRtree([shapely.LineString(f.points) for f in faces(layout) if f.layer is WALL])
-        parts = np.array(_polygons(assumed), dtype=object)
-        behind_seen = parts[np.unique(seen.query(parts, predicate="dwithin", distance=GRID)[0])]
+        rest = np.array(_polygons(assumed), dtype=object)
+        behind_seen = rest[np.unique(seen.query(rest, predicate="dwithin", distance=GRID)[0])]
         return Solids(measured, shapely.MultiPolygon(list(behind_seen)), whole)
 
 

@@ -114,7 +114,7 @@ def wall_bodies(layout: Layout, walls: tuple[Wall, ...] | None = None, cut: bool
 
     chosen = layout.walls if walls is None else walls
     parts = [behind(np.array([wall.start, wall.end]), wall, drawn_depth(wall)) for wall in chosen]
-    parts += _corners(layout, {wall.id for wall in chosen})
+    parts += corner_bodies(layout, {wall.id for wall in chosen})
     rooms, gap = room_area(layout), (THICKEST_FILLED - 2 * DRAWN_THICKNESS) / 2
     solid = shapely.unary_union(parts)
     solid = closed(solid, gap).difference(rooms)
@@ -162,15 +162,15 @@ def _holes(layout: Layout) -> list[tuple[Wall, Array, float]]:
     return out
 
 
-def _corners(layout: Layout, chosen: set[int]) -> list[BaseGeometry]:
-    """What lies behind both walls of a corner that the room has on its inside, where one of `chosen` meets it."""
+def corner_bodies(layout: Layout, chosen: set[int], both: bool = False) -> list[BaseGeometry]:
+    """What lies behind both walls of a corner that the room has on its inside, where one (or both) are `chosen`."""
     import shapely
 
     starting = {tuple(np.round(wall.start, 6).tolist()): wall for wall in layout.walls}
     out = []
     for a in layout.walls:
         b = starting.get(tuple(np.round(a.end, 6).tolist()))
-        if b is None or not chosen & {a.id, b.id}:
+        if b is None or len(chosen & {a.id, b.id}) < 1 + both:
             continue
         turn = float(a.direction[0] * b.direction[1] - a.direction[1] * b.direction[0])
         if turn < _FLATTEST_CORNER:

@@ -132,7 +132,7 @@ def _build(
     for message in said:
         warn(message, quiet)
     clock = () if result.calibration is None else (f"{result.calibration.clock}.",)
-    for note in (*result.model.notes, *clock):
+    for note in (*result.model.notes, *result.model.picture_notes, *clock):
         logging.getLogger("recon").info(note)
     if not quiet:
         for line in (*by_hand(result), *summary(result.model, folder, outputs)):

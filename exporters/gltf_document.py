@@ -57,7 +57,7 @@ class Document:
             rooms = [self._group(group) for group in self.structure.groups]
             below += [self._level(rooms)] if self.part.name else rooms
         root: dict[str, Any] = {"name": name} | ({"children": below} if below else {})
-        notes = list(dict.fromkeys(note for part in parts for note in part.model.notes))
+        notes = list(dict.fromkeys(note for part in parts for note in (*part.model.notes, *part.model.picture_notes)))
         if notes:
             root["extras"] = {"notes": notes}
         self.root = self._add("nodes", root)

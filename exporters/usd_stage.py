@@ -42,7 +42,7 @@ def build_stage(name: str, parts: list[Part], options: ExportOptions) -> Usd.Sta
     Usd.ModelAPI(root).SetAssetName(name)
     root.SetDisplayName(name)
     layer = stage.GetRootLayer()
-    notes = dict.fromkeys(note for part in parts for note in part.model.notes)
+    notes = dict.fromkeys(note for part in parts for note in (*part.model.notes, *part.model.picture_notes))
     layer.documentation = "\n".join([name, *notes])
     layer.customLayerData = {"creator": f"recon {recon.__version__}"}
     for part in parts:

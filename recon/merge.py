@@ -36,7 +36,7 @@ def moved(model: Model, target_from_map: ArrayLike) -> Model:
     )
     faces = tuple(replace(f, vertices=np.column_stack([apply2(pose, f.vertices[:, :2]), f.vertices[:, 2]]))
                   for f in model.faces)  # fmt: skip
-    return Model(model.name, layout, faces, model.notes, model.metadata)
+    return Model(model.name, layout, faces, model.notes, model.metadata, picture_notes=model.picture_notes)
 
 
 def _moved_room(room: Room, pose: Array) -> Room:
@@ -77,7 +77,9 @@ def merged(models: Sequence[Model]) -> Model:
         spans=tuple(d for part in layouts for d in part.spans),
     )
     notes = tuple(dict.fromkeys(note for model in models for note in model.notes))
-    return Model(" + ".join(dict.fromkeys(m.name for m in models)), layout, tuple(faces), notes)
+    pictures = tuple(dict.fromkeys(note for model in models for note in model.picture_notes))
+    name = " + ".join(dict.fromkeys(m.name for m in models))
+    return Model(name, layout, tuple(faces), notes, picture_notes=pictures)
 
 
 def _next(items: Sequence[Wall | Room | Opening | FloorObject], least: int) -> int:

@@ -244,6 +244,7 @@ NEUTRAL_COLOURS: dict[FaceKind, tuple[int, int, int]] = {
 class Model:
     """What a build gives and every exporter writes. `notes`: what was assumed, one sentence each, for people.
 
+    picture_notes: such of the faces' pictures, which drawings leave out.
     trajectory: of the platform; pose_sigmas: (N, 3) m, m, rad of its poses, or (0, 3); occupancy: where it can drive;
     cloud: what the scanner hit. Results of older versions hold neither of these two, models made by hand none of all.
     """
@@ -257,3 +258,4 @@ class Model:
     pose_sigmas: Array = field(default_factory=lambda: np.zeros((0, 3)))
     occupancy: Occupancy | None = None
     cloud: PointCloud | None = None
+    picture_notes: tuple[str, ...] = ()

@@ -16,8 +16,9 @@ from recon.graph.estimate import MapEstimate
 from recon.measured import NOTHING, Measured
 from recon.model import Model
 from recon.progress import SILENT, Progress
+from recon.segmentation.pixels import NO_OBJECTS, ObjectPixels
 from recon.sequence.sequence import Sequence
-from recon.stages.building import bare_model, finished_model, plan_rooms
+from recon.stages.building import bare_model, find_objects, finished_model, plan_rooms
 from recon.stages.images import Poses, calibrate_camera, detect_image_lines, place_cameras, refine_cameras
 from recon.stages.observed import Observed
 from recon.stages.run import Run
@@ -27,7 +28,7 @@ from recon.stages.solution import solve
 
 @dataclass(frozen=True)
 class Build:
-    """All that a build found. `map_from_camera`: one pose an image, None where it has none."""
+    """All that a build found. `map_from_camera`: one pose an image, None where it has none; `objects`: their pixels."""
 
     sequence: Sequence
     config: Config
@@ -39,6 +40,7 @@ class Build:
     counts: dict[str, int]
     warnings: tuple[str, ...]
     measured: Measured = NOTHING
+    objects: ObjectPixels = NO_OBJECTS
 
 
 def build(
@@ -64,13 +66,15 @@ def build(
         run.warnings.extend(measured.surprises(estimate))
     layout = plan_rooms(run, seen, estimate)
     poses = place_cameras(run, seen.calibration, estimate)
+    objects = NO_OBJECTS
     if plan_only:
         model = bare_model(run, layout)
     else:
         poses = refine_cameras(run, seen.calibration, estimate, layout, poses)
-        model = finished_model(run, estimate, layout, poses)
+        layout, objects = find_objects(run, layout, poses)
+        model = finished_model(run, estimate, layout, poses, objects)
     found = run.seconds, run.counts, tuple(dict.fromkeys(run.warnings))
-    return Build(run.sequence, config, model, estimate, seen.calibration, poses, *found, measured)
+    return Build(run.sequence, config, model, estimate, seen.calibration, poses, *found, measured, objects)
 
 
 def observe(run: Run) -> Observed:

@@ -24,6 +24,7 @@ from recon.raycast import RayScene
 from recon.segmentation.column import Column
 from recon.segmentation.heights import measure_objects
 from recon.segmentation.labelling import ObjectFinder
+from recon.segmentation.pixels import NO_OBJECTS, ObjectPixels
 from recon.segmentation.thing import join_legs
 from recon.sequence.camera import Camera
 from recon.sequence.groundtruth import read_groundtruth
@@ -106,6 +107,14 @@ def test_pixels() -> None:
     right = np.count_nonzero(found & true)
     assert right / np.count_nonzero(found | true) > 0.9, "intersection over union"
     assert right / np.count_nonzero(found) > 0.96, "walls and floor are left alone"
+    poses = (None, *s.poses[1:])
+    layout = replace(s.layout, objects=measured())
+    kept = [ObjectPixels.find(layout, extrude(layout), s.camera, poses, s.load, workers) for workers in (1, 3)]
+    for i in range(1, len(poses)):
+        for pixels in kept:
+            mask = pixels.of(i)
+            assert np.array_equal(found[i], np.zeros_like(found[i]) if mask is None else mask)
+    assert kept[0].of(0) is None and kept[0].of(len(poses)) is None and NO_OBJECTS.of(0) is None
     grey = np.asarray(s.images[0].mean(axis=2), np.uint8)
     assert finder.find(grey, s.poses[0]).shape == grey.shape
 

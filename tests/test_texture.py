@@ -215,6 +215,24 @@ def test_what_stands_in_front_is_outvoted() -> None:
     assert max(red) < 0.002
 
 
+def test_pixels_that_show_objects_are_used_last() -> None:
+    """Red stands before the faces in two of three images."""
+    taken = shoot(WIDE, round_tour(24))
+    masks = [np.zeros(image.shape[:2], bool) if i % 3 else None for i, image in enumerate(taken.images)]
+    covered = [image.copy() for image in taken.images]
+    for image, mask in zip(covered, masks, strict=True):
+        if mask is not None:
+            mask[72:152, 88:160] = True
+            image[mask] = (20, 20, 230)
+    disturbed = replace(taken, images=tuple(covered))
+
+    plain = extrude(box_layout())
+    told = texture_faces(plain, WIDE, taken.poses, disturbed.load, COARSE, objects=lambda i: masks[i])
+    clean = psnr(textured(taken), taken)
+    assert psnr(textured(disturbed), taken) < clean - 10, "too much to be outvoted"
+    assert psnr(told, taken) > clean - 3
+
+
 def test_poses_off_by_a_centimetre_still_give_one_picture() -> None:
     rng = np.random.default_rng(8)
     taken = shoot(WIDE, round_tour(20))

@@ -17,6 +17,7 @@ from recon.graph.between import poses_between
 from recon.model import Model
 from recon.results.accuracy import read_sigmas
 from recon.results.reader import load_model
+from recon.segmentation.pixels import ObjectPixels
 from recon.sequence.camera import Camera
 from recon.sequence.extrinsics import read_extrinsics
 from recon.sequence.images import load_image
@@ -70,7 +71,8 @@ def hold_out(sequence: Path, result: Path) -> HeldOut:
     out = HeldOut(model, images, camera, poses, held)
     config = load_config(result / "config.toml")
     refined = refine_poses(bare, camera, kept, out.load, sigmas, config.workers)
-    faces = texture_faces(bare, camera, refined, out.load, config.texture, config.workers)
+    objects = ObjectPixels.find(model.layout, bare, camera, refined, out.load, config.workers)
+    faces = texture_faces(bare, camera, refined, out.load, config.texture, config.workers, objects=objects.of)
     return replace(out, model=replace(model, faces=faces))
 
 

@@ -94,7 +94,7 @@ def _notes(model: Model, layout: Layout, options: DrawingOptions, angle: float) 
     unit = {"m": "metres", "mm": "millimetres", "ft": "feet and inches"}[options.units]
     notes = [f"Dimensions are clear distances between faces of walls, in {unit}."]
     if options.sigmas:
-        notes.append("±: one standard deviation; at jambs of openings an upper bound of it.")
+        notes.append("±: one standard deviation.")
     if any(wall.thickness is None for wall in layout.walls):
         thickness = length_text(DRAWN_THICKNESS, options.units, True)
         notes.append(f"Walls seen from one side only are drawn {thickness} thick.")

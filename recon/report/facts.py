@@ -48,7 +48,7 @@ def links(record: Record, home: str) -> str:
 
 def messages(record: Record) -> str:
     """Warnings, with what mends them, and what was assumed where nothing was seen."""
-    assumed = [*record.model.notes, *_assumed(record.model.layout)]
+    assumed = [*record.model.notes, *record.model.picture_notes, *_assumed(record.model.layout)]
     return section("Warnings", listing(record.warnings)) + section("What was assumed", listing(assumed))
 
 

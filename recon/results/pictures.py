@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from recon.labels import OBJECT, LabelRenderer, draw_labels
-from recon.segmentation.labelling import ObjectFinder
 from recon.sequence.images import load_image
 
 if TYPE_CHECKING:
@@ -27,19 +26,18 @@ def write_overlays(build: Build, folder: Path) -> None:
     (folder / "labels").mkdir()
     (folder / "overlays").mkdir()
     chosen = {posed[i] for i in np.linspace(0, len(posed) - 1, min(OVERLAYS, len(posed))).astype(int)}
-    layout = build.model.layout
     renderer = LabelRenderer(build.model.faces, camera)
-    finder = ObjectFinder(layout, camera, renderer.scene) if layout.objects else None
     for i in posed:
         pose = build.map_from_camera[i]
         assert pose is not None
         labels = renderer.render(pose)
-        image = load_image(images, i, camera) if finder is not None or i in chosen else None
-        if finder is not None and image is not None:
-            labels[finder.find(image, pose)] = OBJECT
+        objects = build.objects.of(i)
+        if objects is not None:
+            labels[objects] = OBJECT
         stem = Path(images.names[i]).stem
         (folder / "labels" / f"{stem}.png").write_bytes(cv2.imencode(".png", labels)[1].tobytes())
-        if i in chosen and image is not None:
+        image = load_image(images, i, camera) if i in chosen else None
+        if image is not None:
             picture = draw_labels(image, labels)
             data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
             (folder / "overlays" / f"{stem}.jpg").write_bytes(data.tobytes())

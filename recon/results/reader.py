@@ -36,7 +36,8 @@ def load_model(folder: Path) -> Model:
     content = read_json(path)
     try:
         faces = tuple(_face(folder, item) for item in content["faces"])
-        model = Model(str(content["name"]), layout, faces, tuple(str(note) for note in content["notes"]))
+        notes, pictures = (tuple(map(str, found)) for found in (content["notes"], content.get("picture_notes", ())))
+        model = Model(str(content["name"]), layout, faces, notes, picture_notes=pictures)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged ({error!r}), expected what recon build wrote") from None
     trajectory, sigmas = load_drive(folder)

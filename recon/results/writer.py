@@ -110,7 +110,8 @@ def _write_model(folder: Path, model: Model) -> None:
     with ThreadPoolExecutor() as pool:  # packing pictures needs no interpreter
         list(pool.map(lambda face: _write_pictures(folder, face), model.faces))
     faces = [_face_to_json(face) for face in model.faces]
-    _write_json(folder / "model.json", {"version": 1, "name": model.name, "notes": list(model.notes), "faces": faces})
+    notes = {"notes": list(model.notes), "picture_notes": list(model.picture_notes)}
+    _write_json(folder / "model.json", {"version": 1, "name": model.name, **notes, "faces": faces})
 
 
 def _write_pictures(folder: Path, face: Face) -> None:

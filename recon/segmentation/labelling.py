@@ -48,13 +48,19 @@ class ObjectFinder:
         wanted = [(thing, item.top) for thing, item in zip(things, layout.objects, strict=True)]
         self._wanted = [(thing, top, near(thing, things)) for thing, top in wanted if top is not None]
 
+    def may_find(self, map_from_camera: Pose3) -> bool:
+        """Whether anything is near enough: no is sure."""
+        return bool(self._near(map_from_camera))
+
+    def _near(self, map_from_camera: Pose3) -> list[tuple[Thing, float, list[Thing]]]:
+        place = map_from_camera.translation[:2]
+        return [w for w in self._wanted if np.linalg.norm(w[0].reach.centre - place) <= FARTHEST + w[0].reach.radius]
+
     def find(self, image: NDArray[np.uint8], map_from_camera: Pose3) -> NDArray[np.bool_]:
         """Pixels (H, W) of a raw image, BGR (H, W, 3) or grey (H, W), that show an object."""
         picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image
         out = np.zeros(self._shape, np.bool_)
-        for thing, top, others in self._wanted:
-            if np.linalg.norm(thing.reach.centre - map_from_camera.translation[:2]) > FARTHEST + thing.reach.radius:
-                continue
+        for thing, top, others in self._near(map_from_camera):
             crop = self._eye.crop(thing, others, picture, map_from_camera, top + ABOVE)
             if crop is None:
                 continue

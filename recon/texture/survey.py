@@ -35,8 +35,12 @@ PROBES = 24
 """Points a side at which resolution is probed."""
 LAST = 12.0
 """Octaves: what a shadow of the platform lies on is shown where no other image shows it."""
+OBJECT_COST = 5.0
+"""Octaves on pixels that show an object: such views are used last."""
 DETAIL = 0.7
 """Texels a side of what one pixel covers: finer would show nothing more."""
+
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,7 @@ def survey(
     canvases: list[Canvas],
     images: list[int],
     load: Callable[[int], Image | None],
+    objects: Callable[[int], Mask | None] | None,
     workers: int,
     stage: Stage,
     fixed: Fixed | None = None,
@@ -112,6 +117,7 @@ def survey(
     """The best views of every block of every canvas, and samples of exposure. Every image is decoded once.
 
     fixed: what lies over all images, made up for, looked at last and not among the samples.
+    objects(i): mask (height, width) of the pixels of image i that show something in front of the faces.
     """
     candidates = [Candidates(canvas.blocks[0] * canvas.blocks[1]) for canvas in canvases]
     samples = ExposureSamples()
@@ -124,8 +130,9 @@ def survey(
         return (0.0, []) if image is None or pose is None else (blur_cost(image), _observe(rig, canvases, pose, image))
 
     for i, (blur, seen) in zip(images, ordered_map(observe, images, workers), strict=True):
+        mask = None if objects is None or not seen else objects(i)
         for k, sight, colour in seen:
-            cost = view_cost(sight, canvases[k], rig.lens.camera) + blur
+            cost = view_cost(sight, canvases[k], rig.lens.camera) + blur + OBJECT_COST * _shown(mask, sight)
             radius = rig.lens.radius_of(sight.pixels)
             row, column = np.divmod(sight.index, canvases[k].blocks[1])
             use = (row % EXPOSURE_STRIDE == 0) & (column % EXPOSURE_STRIDE == 0)
@@ -140,6 +147,14 @@ def survey(
             samples.add(starts[k] + sight.index[use], i, colour[use], radius[use], cells[use])
         stage.advance()
     return candidates, samples
+
+
+def _shown(mask: Mask | None, sight: Sight) -> Array:
+    """1 (n,) where what is seen of a face is a pixel of the mask, else 0."""
+    if mask is None:
+        return np.zeros(len(sight.index))
+    column, row = np.rint(sight.pixels).astype(np.int64).T
+    return mask[np.clip(row, 0, mask.shape[0] - 1), np.clip(column, 0, mask.shape[1] - 1)].astype(np.float64)
 
 
 def _observe(rig: Rig, canvases: list[Canvas], pose: Pose3, image: Image) -> list[tuple[int, Sight, NDArray[np.uint8]]]:

@@ -22,7 +22,7 @@ from recon.texture.gains import Exposure
 from recon.texture.labelling import choose_views
 from recon.texture.ordered import ordered_map
 from recon.texture.render import Shot, best_level, render
-from recon.texture.survey import Rig, best_resolution, probe, survey, useful_images
+from recon.texture.survey import Mask, Rig, best_resolution, probe, survey, useful_images
 from recon.texture.view import Image, Lens
 
 CACHE_BYTES = 96 << 20
@@ -39,11 +39,13 @@ def texture_faces(
     config: TextureConfig | None = None,
     workers: int = 1,
     progress: Progress = SILENT,
+    objects: Callable[[int], Mask | None] | None = None,
 ) -> tuple[Face, ...]:
     """The same faces with a rectified picture each from the images that see them, and which image each texel is from.
 
     map_from_camera: pose of every image, None to leave it out. load(i): image i, raw, uint8 BGR (height, width, 3), or
     None when it is corrupt; called from several threads. A face that (almost) no image sees keeps `texture` None.
+    objects(i): mask (height, width) of the pixels that show objects before the faces, used last; None where none does.
     The result does not depend on `workers`.
 
     Every block of a face takes its colours from one image, the sharpest that sees it (Lempitsky and Ivanov 2007:
@@ -59,12 +61,12 @@ def texture_faces(
         if finest is not None
     ]
     with progress.stage("views of faces", total=len(images), unit="images") as stage:
-        candidates, samples = survey(rig, canvases, images, load, workers, stage)
+        candidates, samples = survey(rig, canvases, images, load, objects, workers, stage)
     exposure = samples.solve(len(map_from_camera))
     fixed = samples.fixed(exposure)
     if fixed is not None:
         with progress.stage("views beside shadows", total=len(images), unit="images") as stage:
-            candidates, samples = survey(rig, canvases, images, load, workers, stage, fixed)
+            candidates, samples = survey(rig, canvases, images, load, objects, workers, stage, fixed)
         exposure = replace(samples.solve(len(map_from_camera)), fixed=fixed)
     cached = ImageCache(load, CACHE_BYTES)
     textured: dict[str, Face] = {}

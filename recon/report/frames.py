@@ -15,8 +15,6 @@ from recon.results.record import Record
 
 VIEWS = "views"
 """Where `recon eval --views` puts its pictures."""
-HELD_OUT = 3
-"""Of them shown: the worst, the middling and the best."""
 WIDEST = 1440
 """Pixels of a row of three pictures."""
 

@@ -36,6 +36,15 @@ def rotation2(yaw: float) -> Array:
     return np.array([[c, -s], [s, c]])
 
 
+def cross(a: NDArray[np.floating], b: NDArray[np.floating]) -> Array:
+    """Vector products (..., 3), shapes broadcast: as `np.cross`, to the bit, which takes longer for few."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
 def compose2(a_from_b: ArrayLike, b_from_c: ArrayLike) -> Array:
     """Planar composition: (..., 3) poses a_from_b and b_from_c give a_from_c; shapes broadcast."""
     a, b = np.asarray(a_from_b, dtype=np.float64), np.asarray(b_from_c, dtype=np.float64)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.geometry import Array
+from recon.geometry import Array, cross
 from recon.vision.planes import Planes, tukey
 from recon.vision.vanishing import MIN_LINES, horizontal_votes
 
@@ -53,8 +53,8 @@ def fit_vertical(planes: Planes, start: Array) -> tuple[Array, Array] | None:
         for i, f in enumerate(families[1:]):
             own = float(vertical @ f.normal @ vertical)
             bearing = -float(vertical @ (f.normal @ tilt + f.gradient)) / own if own > 1e-9 else 0.0
-            levels[i] += np.cross(tilt + bearing * vertical, levels[i])
-        vertical = vertical + np.cross(tilt, vertical)
+            levels[i] += cross(tilt + bearing * vertical, levels[i])
+        vertical = vertical + cross(tilt, vertical)
         vertical /= np.linalg.norm(vertical)
         levels -= np.outer(levels @ vertical, vertical)
         levels /= np.linalg.norm(levels, axis=1, keepdims=True)
@@ -74,7 +74,7 @@ def _families(planes: Planes, vertical: Array, levels: Array, scale: float) -> l
         weight = tukey(error, scale)
         if d > 0 and np.count_nonzero(weight) < MIN_FAMILY:
             weight = np.zeros(len(weight))
-        jacobian = np.cross(direction, planes[mine].scaled_normals(direction))
+        jacobian = cross(direction, planes[mine].scaled_normals(direction))
         weighted = (jacobian * weight[:, None]).T
         counts = (float(weight @ error**2), float(weight.sum()), int(np.count_nonzero(weight)))
         out.append(Family(weighted @ jacobian, weighted @ error, *counts))

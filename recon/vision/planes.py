@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
+from recon.geometry import Array, cross
 from recon.sequence.camera import Camera
 from recon.vision.rectify import stretch_at
 
@@ -60,8 +60,8 @@ def planes_of(endpoints: Array, sigmas: Array, camera: Camera) -> Planes:
     lengths = np.linalg.norm(step, axis=1)
     unit = np.stack([-step[:, 1], step[:, 0], np.zeros(len(step))], axis=1) / np.maximum(lengths, 1e-12)[:, None]
     k = camera.matrix
-    normals = np.cross(a, b) @ k
-    across = np.stack([np.cross(unit, b) @ k, np.cross(a, unit) @ k], axis=1)
+    normals = cross(a, b) @ k
+    across = np.stack([cross(unit, b) @ k, cross(a, unit) @ k], axis=1)
     stretch = stretch_at(camera, endpoints.mean(axis=1))
     stretch = np.where(np.isfinite(stretch), stretch, 1.0)
     total = np.hypot(sigmas, MODEL_SIGMA * stretch)

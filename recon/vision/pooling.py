@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.geometry import Array
+from recon.geometry import Array, cross
 from recon.vision.families import fit_vertical
 from recon.vision.planes import Planes
 from recon.vision.vanishing import CONSISTENT
@@ -28,9 +28,9 @@ class Opinions:
 
 def tangent_basis(direction: Array) -> Array:
     """(2, 3) rows b1, b2 orthogonal to the unit vector `direction` (3,), with b1 x b2 = direction."""
-    first = np.cross(direction, np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.9 else np.array([1.0, 0.0, 0.0]))
+    first = cross(direction, np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.9 else np.array([1.0, 0.0, 0.0]))
     first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first)])
+    return np.stack([first, cross(direction, first)])
 
 
 def ask_frames(every: list[Planes], vertical: Array) -> Opinions:

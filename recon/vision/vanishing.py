@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
+from recon.geometry import Array, cross
 from recon.vision.frame import OUTLIER, VERTICAL
 from recon.vision.jlinkage import draw_pairs, j_linkage
 from recon.vision.planes import Planes, refine_direction, tukey
@@ -44,7 +44,7 @@ def find_clusters(planes: Planes, rng: np.random.Generator) -> Array:
     if len(planes) < MIN_CLUSTER:
         return np.zeros((0, 3))
     pairs = draw_pairs(planes.weights, HYPOTHESES, rng)
-    hypotheses = np.cross(planes.normals[pairs[:, 0]], planes.normals[pairs[:, 1]])
+    hypotheses = cross(planes.normals[pairs[:, 0]], planes.normals[pairs[:, 1]])
     length = np.linalg.norm(hypotheses, axis=1)
     scale = np.linalg.norm(planes.normals, axis=1)
     proper = length > 1e-6 * scale[pairs].prod(axis=1)  # else both lie on one line
@@ -65,7 +65,7 @@ def frame_of(vertical: Array, horizontal: Array) -> Array:
     right. Of the two horizontals the first is the one nearer to the optical axis."""
     first = horizontal - (horizontal @ vertical) * vertical
     first /= np.linalg.norm(first)
-    second = np.cross(vertical, first)
+    second = cross(vertical, first)
     if abs(second[2]) > abs(first[2]):
         first, second = second, -first
     if first[2] < 0:
@@ -88,10 +88,10 @@ def horizontal_votes(planes: Planes, vertical: Array, count: int = 3, period: fl
     """
     basis = frame_of(vertical, np.array([0.0, 0.0, 1.0]) if abs(vertical[2]) < 0.9 else np.array([0.0, 1.0, 0.0]))
     planes = planes[np.abs(planes.residuals(vertical[None])[:, 0]) > CONSISTENT]
-    meets = np.cross(planes.normals, vertical)
+    meets = cross(planes.normals, vertical)
     meets /= np.maximum(np.linalg.norm(meets, axis=1), 1e-12)[:, None]
     angle = np.arctan2(meets @ basis[2], meets @ basis[1]) % period
-    turned = np.cross(vertical, meets)  # how the meeting point moves along the horizon, per radian
+    turned = cross(vertical, meets)  # how the meeting point moves along the horizon, per radian
     spread = np.linalg.norm(np.einsum("ikj,ij->ik", planes.across, meets), axis=1)
     slope = np.abs(np.einsum("ij,ij->i", planes.normals, turned)) / (planes.sigmas * np.maximum(spread, 1e-12))
     weight = np.where(slope * np.deg2rad(3.0) > 1, planes.weights, 0.0)  # the angle is known to 3 degrees
@@ -112,7 +112,7 @@ def linearise(planes: Planes, frame: Array, scale: float) -> tuple[Array, Array,
     jacobian = np.zeros((len(planes), 3))
     for axis in range(3):
         mine = nearest == axis
-        jacobian[mine] = np.cross(frame[axis], planes[mine].scaled_normals(frame[axis]))
+        jacobian[mine] = cross(frame[axis], planes[mine].scaled_normals(frame[axis]))
     return jacobian, error, tukey(error, scale)
 
 
@@ -127,7 +127,7 @@ def refine_frame(planes: Planes, frame: Array, fixed_vertical: bool = False, ite
             jacobian = (jacobian @ frame[0])[:, None] * frame[0]
         normal = (jacobian * weight[:, None]).T @ jacobian
         turn = -np.linalg.lstsq(normal, jacobian.T @ (weight * error), rcond=1e-10)[0]
-        frame = _orthonormal(frame + np.cross(turn, frame))
+        frame = _orthonormal(frame + cross(turn, frame))
     return frame
 
 
@@ -136,7 +136,7 @@ def frame_near(planes: Planes, vertical: Array, fixed_vertical: bool) -> Array:
     that most line length votes for."""
     votes = horizontal_votes(planes, vertical)
     if len(votes) == 0:
-        return frame_of(vertical, np.cross(vertical, np.array([1.0, 0.0, 0.0])))
+        return frame_of(vertical, cross(vertical, np.array([1.0, 0.0, 0.0])))
     frames = np.array([frame_of(vertical, h) for h in votes])
     best = refine_frame(planes, frames[int(np.argmax(support(planes, frames)))], fixed_vertical)
     return frame_of(best[0], best[1])
@@ -147,7 +147,7 @@ def _orthonormal(frame: Array) -> Array:
     first = frame[0] / np.linalg.norm(frame[0])
     second = frame[1] - (frame[1] @ first) * first
     second /= np.linalg.norm(second)
-    return np.stack([first, second, np.cross(first, second)])
+    return np.stack([first, second, cross(first, second)])
 
 
 def assign(planes: Planes, directions: Array) -> NDArray[np.int64]:
@@ -174,7 +174,7 @@ def find_directions(planes: Planes, seed: int) -> Array:
             frames += [frame_of(vertical, h) for h in (votes if len(votes) else [np.array([0.0, 0.0, 1.0])])]
     for i, a in enumerate(clusters):
         for b in clusters[i + 1 :]:
-            vertical = downward(np.cross(a, b))
+            vertical = downward(cross(a, b))
             if abs(a @ b) < MAX_SKEW and is_plausible_vertical(vertical / np.linalg.norm(vertical)):
                 frames.append(frame_of(vertical / np.linalg.norm(vertical), a))
     if not frames:

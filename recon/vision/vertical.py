@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
+from recon.geometry import Array, cross
 from recon.sequence.camera import Camera
 from recon.vision.frame import VERTICAL, FrameLines
 from recon.vision.jlinkage import draw_pairs
@@ -80,7 +80,7 @@ def average_vertical(frames: Sequence[FrameLines]) -> Array:
     mean = np.median(np.repeat(found, np.array(counts), axis=0), axis=0)
     for _ in range(20):
         mean = mean / np.linalg.norm(mean)
-        angle = np.linalg.norm(np.cross(found, mean), axis=1)
+        angle = np.linalg.norm(cross(found, mean), axis=1)
         huber = np.minimum(1.0, np.deg2rad(1.0) / np.maximum(angle, 1e-9))
         mean = (weights * huber) @ found
     return np.asarray(mean / np.linalg.norm(mean))
@@ -99,10 +99,10 @@ def _hypotheses(every: list[Planes], verticals: Array) -> Array:
         if len(planes) < 2:
             continue
         pairs = draw_pairs(planes.weights, 8 * PAIRS_PER_FRAME, rng)
-        cross = np.cross(planes.normals[pairs[:, 0]], planes.normals[pairs[:, 1]])
-        length = np.linalg.norm(cross, axis=1)
-        cross = downward(cross[length > 0] / length[length > 0, None])
-        parts.append(cross[is_plausible_vertical(cross)][:PAIRS_PER_FRAME])
+        meets = cross(planes.normals[pairs[:, 0]], planes.normals[pairs[:, 1]])
+        length = np.linalg.norm(meets, axis=1)
+        meets = downward(meets[length > 0] / length[length > 0, None])
+        parts.append(meets[is_plausible_vertical(meets)][:PAIRS_PER_FRAME])
     found = np.concatenate(parts)
     return found[_spread(len(found), MAX_HYPOTHESES)]
 

@@ -130,14 +130,16 @@ def _known(a: Stop, b: Stop, joint: dict[frozenset[int], Distance]) -> Distance 
 
 
 def _sigma(a: Stop, b: Stop, known: Distance | None) -> float | None:
-    """One standard deviation of the distance, m: from the walls' joint covariance, else what it is at most.
+    """One standard deviation of the distance, m: from the walls' joint covariance where the layout has it.
 
-    At most it is the sum of both standard deviations, whatever their correlation (Minkowski). None: not known.
+    Jambs are placed by beams of their own, independent of what places the other end. Of two faces without a joint
+    covariance it is the sum of both, which it cannot exceed (Minkowski). None: not known.
     """
     one, other = _own(a), _own(b)
     if one is None or other is None:
         return None
-    sigma = known.sigma if known is not None else one + other
+    apart = one + other if a.wall is not None and b.wall is not None else float(np.hypot(one, other))
+    sigma = known.sigma if known is not None else apart
     return sigma if np.isfinite(sigma) and sigma > 0 else None
 
 

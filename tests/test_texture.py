@@ -215,7 +215,7 @@ def test_what_stands_in_front_is_outvoted() -> None:
     assert max(red) < 0.002
 
 
-def test_pixels_that_show_objects_are_used_last() -> None:
+def test_pixels_that_show_objects_are_not_used() -> None:
     """Red stands before the faces in two of three images."""
     taken = shoot(WIDE, round_tour(24))
     masks = [np.zeros(image.shape[:2], bool) if i % 3 else None for i, image in enumerate(taken.images)]
@@ -228,9 +228,9 @@ def test_pixels_that_show_objects_are_used_last() -> None:
 
     plain = extrude(box_layout())
     told = texture_faces(plain, WIDE, taken.poses, disturbed.load, COARSE, objects=lambda i: masks[i])
-    clean = psnr(textured(taken), taken)
-    assert psnr(textured(disturbed), taken) < clean - 10, "too much to be outvoted"
-    assert psnr(told, taken) > clean - 3
+    assert psnr(textured(disturbed), taken) < 35, "too much to be outvoted"
+    assert psnr(told, taken) > 40
+    assert not any(((f.texture[..., 0] > 190) & (f.texture[..., 2] < 70)).any() for f in told if f.texture is not None)
 
 
 def test_poses_off_by_a_centimetre_still_give_one_picture() -> None:

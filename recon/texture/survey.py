@@ -35,8 +35,8 @@ PROBES = 24
 """Points a side at which resolution is probed."""
 LAST = 12.0
 """Octaves: what a shadow of the platform lies on is shown where no other image shows it."""
-OBJECT_COST = 5.0
-"""Octaves on pixels that show an object: such views are used last."""
+RIM = 0.005
+"""Share of the image's width: as far around an object's pixels blends, shadows at its foot and inexact masks reach."""
 DETAIL = 0.7
 """Texels a side of what one pixel covers: finer would show nothing more."""
 
@@ -117,7 +117,7 @@ def survey(
     """The best views of every block of every canvas, and samples of exposure. Every image is decoded once.
 
     fixed: what lies over all images, made up for, looked at last and not among the samples.
-    objects(i): mask (height, width) of the pixels of image i that show something in front of the faces.
+    objects(i): mask (height, width) of the pixels of image i that show something before the faces; never used.
     """
     candidates = [Candidates(canvas.blocks[0] * canvas.blocks[1]) for canvas in canvases]
     samples = ExposureSamples()
@@ -130,12 +130,14 @@ def survey(
         return (0.0, []) if image is None or pose is None else (blur_cost(image), _observe(rig, canvases, pose, image))
 
     for i, (blur, seen) in zip(images, ordered_map(observe, images, workers), strict=True):
-        mask = None if objects is None or not seen else objects(i)
+        mask = None if objects is None or not seen else _with_rim(objects(i))
         for k, sight, colour in seen:
-            cost = view_cost(sight, canvases[k], rig.lens.camera) + blur + OBJECT_COST * _shown(mask, sight)
+            cost = view_cost(sight, canvases[k], rig.lens.camera) + blur
+            before = _shows(mask, sight, BLOCK * canvases[k].texel)
+            cost[before] = np.inf
             radius = rig.lens.radius_of(sight.pixels)
             row, column = np.divmod(sight.index, canvases[k].blocks[1])
-            use = (row % EXPOSURE_STRIDE == 0) & (column % EXPOSURE_STRIDE == 0)
+            use = (row % EXPOSURE_STRIDE == 0) & (column % EXPOSURE_STRIDE == 0) & ~before
             shown = sight.pixels, rig.lens.camera, canvases[k].floor
             if fixed is not None:
                 doubtful, hidden = fixed.at(*shown)
@@ -149,12 +151,23 @@ def survey(
     return candidates, samples
 
 
-def _shown(mask: Mask | None, sight: Sight) -> Array:
-    """1 (n,) where what is seen of a face is a pixel of the mask, else 0."""
+def _with_rim(mask: Mask | None) -> Mask | None:
     if mask is None:
-        return np.zeros(len(sight.index))
-    column, row = np.rint(sight.pixels).astype(np.int64).T
-    return mask[np.clip(row, 0, mask.shape[0] - 1), np.clip(column, 0, mask.shape[1] - 1)].astype(np.float64)
+        return None
+    reach = round(RIM * mask.shape[1])
+    return cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > 0
+
+
+def _shows(mask: Mask | None, sight: Sight, size: float) -> NDArray[np.bool_]:
+    """(n,) whether the middle or a corner of a block, `size` metres a side, lies in the mask."""
+    found = np.zeros(len(sight.index), np.bool_)
+    if mask is None:
+        return found
+    half = 0.5 * size * sight.fine[:, None]
+    for corner in ((0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+        column, row = np.rint(sight.pixels + half * corner).astype(np.int64).T
+        found |= mask[np.clip(row, 0, mask.shape[0] - 1), np.clip(column, 0, mask.shape[1] - 1)]
+    return found
 
 
 def _observe(rig: Rig, canvases: list[Canvas], pose: Pose3, image: Image) -> list[tuple[int, Sight, NDArray[np.uint8]]]:

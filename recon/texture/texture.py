@@ -45,7 +45,7 @@ def texture_faces(
 
     map_from_camera: pose of every image, None to leave it out. load(i): image i, raw, uint8 BGR (height, width, 3), or
     None when it is corrupt; called from several threads. A face that (almost) no image sees keeps `texture` None.
-    objects(i): mask (height, width) of the pixels that show objects before the faces, used last; None where none does.
+    objects(i): mask (height, width) of the pixels that show objects before the faces, never used; None where none.
     The result does not depend on `workers`.
 
     Every block of a face takes its colours from one image, the sharpest that sees it (Lempitsky and Ivanov 2007:

@@ -84,6 +84,8 @@ def _written(floors: Sequence[Floor], options: DrawingOptions) -> bytes:
                 _sheet(document, floors, suffix, drawing, options)
         if options.dxf_profile == "cad" and len(floors) > 1:
             document.layouts.delete("Layout1")
+        for kind in sorted(document.entitydb.dxf_types_in_use()):  # ezdxf takes them as they come out of a set
+            document.classes.add_class(kind)
         stream = io.StringIO()
         document.write(stream)
     finally:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import ctypes
 import dataclasses
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -337,6 +340,21 @@ def test_same_model_same_bytes(tmp_path: Path) -> None:
         for name in ("a", "b"):
             export(two_rooms(), tmp_path / f"{name}{suffix}")
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes(), suffix
+
+
+def test_the_same_bytes_in_whatever_order_sets_come(tmp_path: Path) -> None:
+    imports = (
+        "import sys; from pathlib import Path; from two_rooms import two_rooms; from recon.exporters import export"
+    )
+    script = f"{imports}; [export(two_rooms(), Path(name)) for name in sys.argv[1:]]"
+    found = []
+    for seed in ("1", "4", "7"):  # classes of a DXF file came in another order with one than with the others
+        files = [tmp_path / f"{seed}{suffix}" for suffix in DRAWINGS]
+        environment = {**os.environ, "PYTHONHASHSEED": seed}
+        command = [sys.executable, "-c", script, *map(str, files)]
+        subprocess.run(command, cwd=Path(__file__).parent, env=environment, check=True, timeout=120)
+        found.append([file.read_bytes() for file in files])
+    assert found[0] == found[1] == found[2]
 
 
 @pytest.mark.parametrize(

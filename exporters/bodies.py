@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.exporters.shape import face_normal
-from recon.geometry import Array
+from recon.geometry import Array, plane_axes
 from recon.model import Face
 
 DEPTH = 0.05
@@ -91,7 +91,7 @@ class _Planes:
         crossed = height[a] * height[b] <= 0
         a, b = a[crossed & (height[a] != height[b])], b[crossed & (height[a] != height[b])]
         share = (height[a] / (height[a] - height[b]))[:, None]
-        axes = _axes(normal)
+        axes = plane_axes(normal)[:2]
         section = shapely.MultiPoint((body.vertices[a] + share * (body.vertices[b] - body.vertices[a])) @ axes.T)
         outline = shapely.union_all(shapely.polygons((face.vertices @ axes.T)[face.triangles]))
         return bool(section.convex_hull.intersection(outline).area > OUT**2)
@@ -113,7 +113,7 @@ def _cut(body: Body, normals: Array, levels: Array) -> Body:
 def convex_bodies(face: Face, depth: float = DEPTH) -> list[Body]:
     """Prisms that fill `depth` m behind a face; the first half of their vertices is on it, counter-clockwise."""
     normal = face_normal(face)
-    axes = _axes(normal)
+    axes = plane_axes(normal)[:2]
     level = float(np.mean(face.vertices @ normal))
     bodies = []
     for outline in convex_pieces(face.vertices @ axes.T, face.triangles):
@@ -146,10 +146,3 @@ def convex_pieces(flat: Array, triangles: NDArray[np.int64]) -> list[Array]:
         pieces = rest
     hulls = [shapely.orient_polygons(piece.convex_hull) for piece in joined]
     return [np.asarray(hull.exterior.coords)[:-1] for hull in hulls if hull.geom_type == "Polygon"]
-
-
-def _axes(normal: Array) -> Array:
-    """Two unit vectors (2, 3) in the plane, right-handed with its normal."""
-    first = np.cross([0.0, 0.0, 1.0] if abs(normal[2]) < 0.7 else [1.0, 0.0, 0.0], normal)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)])

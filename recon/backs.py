@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recon.body import building_body
 from recon.faces import triangulate
 from recon.facing import rooms_before
-from recon.geometry import Array
+from recon.geometry import Array, plane_axes
 from recon.holes import room_height
 from recon.model import Face, FaceKind, Layout
 from recon.polygons import areas
@@ -24,6 +24,8 @@ SMALLEST = 1e-3
 """m^2 of a back, at least."""
 NEAR = 0.01
 """m before and behind a back, where it is asked what is there."""
+UP_OF_LEVEL = (0.0, 1.0, 0.0)
+"""What is up on a roof's picture."""
 PARALLEL = float(np.cos(np.radians(1.0)))
 
 
@@ -90,7 +92,7 @@ class _Sides:
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
         if np.linalg.norm(cross) < SMALLEST:
             return []
-        axes = _axes(cross / np.linalg.norm(cross))
+        axes = plane_axes(cross / np.linalg.norm(cross), UP_OF_LEVEL)
         level = float(np.mean(corners.reshape(-1, 3) @ axes[2]))
         side = shapely.union_all(shapely.make_valid(shapely.polygons(corners @ axes[:2].T)), grid_size=1e-6)
         covered = [self._outline(k, axes) for k in self._on(corners.reshape(-1, 3), axes[2], level)]
@@ -140,10 +142,3 @@ class _Seen:
         if bool(((ahead[k, 2] > 0) & (ahead[k, 2] < self._heights[room])).any()):
             return True
         return bool(len(self._alone.query(behind, predicate="within")[0]))
-
-
-def _axes(normal: Array) -> Array:
-    """Right, up and the normal itself, (3, 3)."""
-    right = np.cross([0.0, 0.0, 1.0] if abs(normal[2]) < 0.7 else [0.0, 1.0, 0.0], normal)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(normal, right), normal])

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.corners import polygons_of
 from recon.geometry import Array
 from recon.holes import DECIMALS, holes_of, room_height
 from recon.model import Layout
 from recon.niches import THICKEST, Niche, niches
-from recon.polygons import areas
+from recon.polygons import areas, polygons
 from recon.solids import BESIDE, GRID, WallSolid, wall_solids
 
 if TYPE_CHECKING:
@@ -148,7 +147,7 @@ def _prism(shape: BaseGeometry, bottom: float, top: float) -> Any:
     """A shape of any polygons, extruded."""
     from manifold3d import CrossSection, FillRule, Manifold
 
-    rings = [ring for polygon in polygons_of(shape) for ring in (polygon.exterior, *polygon.interiors)]
+    rings = [ring for polygon in polygons(shape) for ring in (polygon.exterior, *polygon.interiors)]
     if shape.is_empty or top <= bottom:
         return Manifold()
     outlines = [np.asarray(ring.coords)[:-1, :2] for ring in rings]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from recon.geometry import Array
+from recon.polygons import polygons
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -49,19 +50,12 @@ class Corners:
         return np.asarray(self._points[found])
 
 
-def polygons_of(shape: Any) -> list[Polygon]:
-    """The polygons of a shapely geometry of any type."""
-    if shape.geom_type == "Polygon":
-        return [shape]
-    return [part for part in getattr(shape, "geoms", ()) if part.geom_type == "Polygon"]
-
-
 def with_points(polygon: Any, points: Array) -> Any:
     """A polygon (or several) whose edges are broken at those of `points` (n, 2) that lie on them."""
     import shapely
 
     if polygon.geom_type != "Polygon":
-        return shapely.MultiPolygon([with_points(part, points) for part in polygons_of(polygon)])
+        return shapely.MultiPolygon([with_points(part, points) for part in polygons(polygon)])
     rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
     broken = [_broken(ring, points) for ring in rings if len(ring) >= 3]
     return shapely.Polygon(broken[0], broken[1:]) if broken else polygon

@@ -15,6 +15,7 @@ from recon.geometry import Array
 from recon.model import Face, Layout, Model
 from recon.occlusion import ambient_shades
 from recon.plan import dominant_angle, room_area, wall_bodies
+from recon.polygons import polygons
 from recon.render import TexturedScene
 
 if TYPE_CHECKING:
@@ -126,9 +127,8 @@ def _extruded(
     """A prism over `area`: its top in `colour`, its sides toward the viewer but none on the lines `walls`."""
     import shapely
 
-    polygons = [p for p in shapely.get_parts(area) if p.geom_type == "Polygon" and p.area > 1e-6]
     faces: list[Face] = []
-    for polygon in polygons:
+    for polygon in polygons(area, 1e-6):
         corners, triangles = triangulate(polygon)
         faces.append(_plain(np.column_stack([corners, np.full(len(corners), top)]), triangles, colour))
         oriented = shapely.orient_polygons(polygon)
@@ -176,7 +176,7 @@ def _shadowed_ground(
 
     mask = np.zeros((size[1], size[0]), np.float32)
     footprint = room_area(layout).union(wall_bodies(layout, cut=False)).buffer(0.1)
-    for polygon in (p for p in shapely.get_parts(footprint) if p.geom_type == "Polygon"):
+    for polygon in polygons(footprint):
         rings = [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
         outlines = [pixels_of(np.column_stack([ring, np.full(len(ring), -3 * BASE)])) for ring in rings]
         cv2.fillPoly(mask, [np.rint(outline).astype(np.int32) for outline in outlines], 1.0)  # courts stay open

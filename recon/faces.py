@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.corners import Corners, polygons_of, with_points
+from recon.corners import Corners, with_points
 from recon.geometry import Array
 from recon.holes import DECIMALS, Hole, holes_of, room_height, wall_heights
 from recon.model import Face, FaceKind, Layout, Room, Wall
+from recon.polygons import polygons
 from recon.reveals import reveals
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def _corners(polygon: Polygon) -> list[Array]:
 
     for grid in GRIDS:
         shape = shapely.make_valid(polygon if grid == 0 else shapely.set_precision(polygon, grid))
-        parts = [part for part in polygons_of(shape) if part.area > SMALLEST**2]
+        parts = polygons(shape, SMALLEST**2)
         try:
             triangles = [t for p in parts for t in shapely.constrained_delaunay_triangles(p).geoms]
         except shapely.errors.GEOSException:

@@ -45,6 +45,16 @@ def cross(a: NDArray[np.floating], b: NDArray[np.floating]) -> Array:
     return out
 
 
+def plane_axes(normal: Array, up: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
+    """Right, up and the unit normal (3,) itself of a plane, as rows (3, 3), right-handed.
+
+    Up is as far upwards as the plane allows; of a plane that is level rather than upright, as far along `up`.
+    """
+    right = np.cross((0.0, 0.0, 1.0) if abs(normal[2]) < 0.7 else up, normal)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(normal, right), normal])
+
+
 def compose2(a_from_b: ArrayLike, b_from_c: ArrayLike) -> Array:
     """Planar composition: (..., 3) poses a_from_b and b_from_c give a_from_c; shapes broadcast."""
     a, b = np.asarray(a_from_b, dtype=np.float64), np.asarray(b_from_c, dtype=np.float64)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.geometry import Array
+from recon.geometry import Array, plane_axes
 from recon.model import Face
 from recon.raycast import RayScene
 from recon.sampling import bilinear
@@ -45,10 +45,7 @@ def _light(scene: RayScene, points: Array, frames: Array) -> Array:
 
 def _frame(face: Face) -> Array:
     """Two unit vectors in the plane of the face and its normal, as rows (3, 3)."""
-    normal = face.normal
-    first = np.cross([0.0, 0.0, 1.0] if abs(normal[2]) < 0.7 else [1.0, 0.0, 0.0], normal)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first), normal])
+    return plane_axes(face.normal)
 
 
 def _flat(face: Face) -> Array:

@@ -10,6 +10,20 @@ from recon.geometry import Array
 
 
 @njit(cache=True)
+def _walk(start: Array, end: Array) -> tuple[int, int, int, int, int, int, float, float, float, float]:
+    """A ray from start (2,) to end (2,), in cells: cells of both, the way from cell to cell (-1 or 1) in x and y, where
+    along the ray, as a part of it, the first border of either kind is met, and what lies between two of a kind."""
+    x, y = int(start[0]), int(start[1])
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    sx, sy = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+    tx = ((x + (sx > 0)) - start[0]) / dx if dx != 0 else np.inf
+    ty = ((y + (sy > 0)) - start[1]) / dy if dy != 0 else np.inf
+    step_x = abs(1.0 / dx) if dx != 0 else np.inf
+    step_y = abs(1.0 / dy) if dy != 0 else np.inf
+    return x, y, int(end[0]), int(end[1]), sx, sy, tx, ty, step_x, step_y
+
+
+@njit(cache=True)
 def count_rays(starts: Array, ends: Array, blocked: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """How many rays end in each cell and how many pass through it.
 
@@ -21,14 +35,7 @@ def count_rays(starts: Array, ends: Array, blocked: NDArray[np.bool_]) -> tuple[
     hits = np.zeros((rows, columns), np.int32)
     passes = np.zeros((rows, columns), np.int32)
     for i in range(len(starts)):
-        x, y = int(starts[i, 0]), int(starts[i, 1])
-        x1, y1 = int(ends[i, 0]), int(ends[i, 1])
-        dx, dy = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
-        sx, sy = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-        tx = ((x + (sx > 0)) - starts[i, 0]) / dx if dx != 0 else np.inf
-        ty = ((y + (sy > 0)) - starts[i, 1]) / dy if dy != 0 else np.inf
-        step_x = abs(1.0 / dx) if dx != 0 else np.inf
-        step_y = abs(1.0 / dy) if dy != 0 else np.inf
+        x, y, x1, y1, sx, sy, tx, ty, step_x, step_y = _walk(starts[i], ends[i])
         stopped = False
         for _ in range(abs(x1 - x) + abs(y1 - y)):
             if blocked[y, x]:
@@ -61,14 +68,7 @@ def count_spells(
     hit = np.zeros((rows, columns), np.bool_)
     passes = np.zeros((rows, columns), np.int32)
     for i in range(len(starts)):
-        x, y = int(starts[i, 0]), int(starts[i, 1])
-        x1, y1 = int(ends[i, 0]), int(ends[i, 1])
-        dx, dy = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
-        sx, sy = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-        tx = ((x + (sx > 0)) - starts[i, 0]) / dx if dx != 0 else np.inf
-        ty = ((y + (sy > 0)) - starts[i, 1]) / dy if dy != 0 else np.inf
-        step_x = abs(1.0 / dx) if dx != 0 else np.inf
-        step_y = abs(1.0 / dy) if dy != 0 else np.inf
+        x, y, x1, y1, sx, sy, tx, ty, step_x, step_y = _walk(starts[i], ends[i])
         steps = abs(x1 - x) + abs(y1 - y)
         for k in range(steps + 9):
             u, v = x, y

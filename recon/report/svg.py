@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from recon.geometry import Array
+from recon.polygons import polygons
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -53,8 +54,7 @@ class Frame:
         """Path around a shape of the map; holes stay open with the rule evenodd."""
         import shapely
 
-        polygons = [p for p in shapely.get_parts(shape) if p.geom_type == "Polygon"]
-        rings = [ring for p in polygons for ring in (p.exterior, *p.interiors)]
+        rings = [ring for p in polygons(shape) for ring in (p.exterior, *p.interiors)]
         return "".join(self.line(shapely.get_coordinates(ring)[:-1], closed=True) for ring in rings)
 
     def svg(self, kind: str, words: str, parts: Sequence[str]) -> str:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from recon.geometry import Pose3
 from recon.model import Face, Layout
+from recon.ordered import ordered_map
 from recon.raycast import RayScene
 from recon.segmentation.labelling import ObjectFinder
 from recon.sequence.camera import Camera
-from recon.texture.ordered import ordered_map
 
 Load = Callable[[int], "NDArray[np.uint8] | None"]
 Mask = NDArray[np.bool_]

@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from recon.geometry import Array, Pose3
 from recon.model import Face
+from recon.ordered import ordered_map
 from recon.progress import SILENT, Progress
 from recon.raycast import RayScene
 from recon.sequence.camera import Camera
 from recon.texture.alignment import align
 from recon.texture.cache import ImageCache
 from recon.texture.matches import Matcher, Matches, contrast
-from recon.texture.ordered import ordered_map
 from recon.texture.partners import partners
 from recon.texture.survey import Rig, probe, useful_images
 from recon.texture.view import Image, Lens

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from recon.geometry import Array, Pose3
 from recon.model import Face
+from recon.ordered import ordered_map
 from recon.progress import Stage
 from recon.raycast import RayScene
 from recon.texture.blur import blur_cost
@@ -19,7 +20,6 @@ from recon.texture.candidates import Candidates, view_cost
 from recon.texture.canvas import BLOCK, Canvas, Plane
 from recon.texture.fixed import Fixed, cell_of
 from recon.texture.gains import ExposureSamples
-from recon.texture.ordered import ordered_map
 from recon.texture.view import Image, Lens, Sight, look, pyramid, sample
 
 if TYPE_CHECKING:

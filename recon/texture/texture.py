@@ -11,6 +11,7 @@ import numpy as np
 from recon.config import TextureConfig
 from recon.geometry import Pose3
 from recon.model import Face
+from recon.ordered import ordered_map
 from recon.progress import SILENT, Progress
 from recon.raycast import RayScene
 from recon.sequence.camera import Camera
@@ -20,7 +21,6 @@ from recon.texture.canvas import Canvas
 from recon.texture.consensus import agree, clutter_cost, correct
 from recon.texture.gains import Exposure
 from recon.texture.labelling import choose_views
-from recon.texture.ordered import ordered_map
 from recon.texture.render import Shot, best_level, render
 from recon.texture.survey import Mask, Rig, best_resolution, probe, survey, useful_images
 from recon.texture.view import Image, Lens
